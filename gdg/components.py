@@ -1,0 +1,104 @@
+"""What a plugin tells the registry about a component, without importing it."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+from dataclasses import dataclass, field
+
+from pydantic import BaseModel, ConfigDict
+
+from gdg.errors import GdgError
+
+#: Kind of component -> the abstract class that its implementations extend.
+KINDS: dict[str, str] = {
+    "hand-model": "gdg.kinds.hand_model:HandModel",
+    "distance": "gdg.kinds.distance:Distance",
+    "generator": "gdg.kinds.generator:Generator",
+    "fitter": "gdg.kinds.fitter:Fitter",
+    "simulator": "gdg.kinds.simulator:Simulator",
+    "planner": "gdg.kinds.planner:Planner",
+}
+
+
+def config_key(kind: str) -> str:
+    """The key of a kind in a config: ``hand-model`` is written ``hand_model``."""
+    return kind.replace("-", "_")
+
+
+class Options(BaseModel):
+    """Base of every component's options: frozen, typed, unknown fields refused."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, validate_default=True)
+
+
+class NoOptions(Options):
+    """For components that have nothing to set."""
+
+
+@dataclass(frozen=True)
+class Component:
+    """A component's record: enough to list, configure and check it without importing it.
+
+    Attributes:
+        kind: one of ``KINDS``.
+        name: lower-case with hyphens; unique per kind and provider.
+        target: ``"module:Class"``, imported on first use.
+        summary: one line for ``gdg plugins``.
+        options: pydantic model of the component's options.
+        uses: kinds of the components handed to the class as keyword arguments, by config key
+            (a planner that uses a fitter gets ``fitter=...``).
+        requires: import names that must be installed, checked on use.
+        extra: pip extra of ``distribution`` that installs them.
+    """
+
+    kind: str
+    name: str
+    target: str
+    summary: str
+    options: type[Options] = NoOptions
+    uses: tuple[str, ...] = ()
+    requires: tuple[str, ...] = ()
+    extra: str | None = None
+    #: Filled in by the registry: which plugin and distribution the record came from.
+    provider: str = field(default="", compare=False)
+    distribution: str = field(default="", compare=False)
+    version: str = field(default="", compare=False)
+
+    def missing_requirements(self) -> tuple[str, ...]:
+        """Import names in ``requires`` that are not installed; imports nothing."""
+        return tuple(name for name in self.requires if importlib.util.find_spec(name) is None)
+
+    def load(self) -> type:
+        """Imports and returns the component's class.
+
+        Raises:
+            GdgError: an optional package is missing (with the pip command that installs it),
+                the target cannot be imported, or it does not extend the kind's interface.
+        """
+        missing = self.missing_requirements()
+        if missing:
+            names = ", ".join(f"'{name}'" for name in missing)
+            package = f"{self.distribution or 'gdg'}[{self.extra}]" if self.extra else missing[0]
+            raise GdgError(
+                f"{self.kind} '{self.name}' needs the package {names}, which is not installed: "
+                f"pip install '{package}'"
+            )
+        cls = self._import_target(self.target)
+        interface = self._import_target(KINDS[self.kind])
+        if not (isinstance(cls, type) and issubclass(cls, interface)):
+            raise GdgError(
+                f"{self.kind} '{self.name}' of plugin '{self.provider}': {self.target} does not "
+                f"extend {interface.__module__}.{interface.__name__}."
+            )
+        return cls
+
+    def _import_target(self, target: str) -> type:
+        module_name, _, attribute = target.partition(":")
+        try:
+            return getattr(importlib.import_module(module_name), attribute)
+        except (ImportError, AttributeError) as error:
+            raise GdgError(
+                f"{self.kind} '{self.name}' of plugin '{self.provider}': cannot import "
+                f"'{target}': {error}"
+            ) from error

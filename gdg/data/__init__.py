@@ -1,0 +1,1 @@
+"""The data that travels between stages: contact maps, grasps, verdicts."""

@@ -1,0 +1,69 @@
+"""What a simulator says of one grasp under one protocol."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+#: Push directions in the order of every per-direction field.
+DIRECTIONS = ("+x", "-x", "+y", "-y", "+z", "-z")
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The outcome of one grasp under one stability protocol.
+
+    Attributes:
+        success: the protocol's criterion, over all shifts, by majority of the shifts.
+        failure: why not: ``""`` on success, else ``moved``, ``rotated``, ``lost-contact``,
+            ``drifted``, ``penetrating``, ``diverged`` (of the first shift that failed).
+        displacement_m: object displacement per push direction (``DIRECTIONS``), metres, against
+            the protocol's reference pose, of the unshifted trial.
+        rotation_rad: object rotation per push direction, radians.
+        drift_m: how far the object moved while the hand closed and settled, metres.
+        contact_kept: whether hand and object still touched after each push.
+        penetration_start_mm: largest overlap of hand and object before the test, millimetres,
+            by the object's signed distance at the hand's surface points.
+        penetration_end_mm: the solver's largest overlap after settling, millimetres.
+        free_displacement_m: how far the same object moves in one push without any hand.
+        shift_successes: successes over trials in which the hand was shifted a little; the
+            first trial is the unshifted one.
+        protocol: ``name-vVERSION``.
+        engine: ``sapien 3.0.3`` and the like.
+        refined: whether the contact-aware refinement closed the hand.
+        seconds: wall time of all trials of this grasp.
+    """
+
+    success: bool
+    failure: str
+    displacement_m: tuple[float, ...]
+    rotation_rad: tuple[float, ...]
+    drift_m: float
+    contact_kept: tuple[bool, ...]
+    penetration_start_mm: float
+    penetration_end_mm: float
+    free_displacement_m: float
+    shift_successes: tuple[bool, ...]
+    protocol: str
+    engine: str
+    refined: bool
+    seconds: float
+
+    @property
+    def success_rate(self) -> float:
+        """Share of the shifted trials that passed."""
+        return sum(self.shift_successes) / len(self.shift_successes)
+
+    @property
+    def stable(self) -> bool:
+        """Whether every shifted trial gave the same answer."""
+        return len(set(self.shift_successes)) == 1
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values, as they stand in ``grasps.json``."""
+        return asdict(self)
+
+    @classmethod
+    def from_dict(cls, tree: dict[str, Any]) -> Verdict:
+        """The inverse of ``as_dict`` (JSON lists become tuples)."""
+        return cls(**{k: tuple(v) if isinstance(v, list) else v for k, v in tree.items()})

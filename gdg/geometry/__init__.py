@@ -1,0 +1,1 @@
+"""Geometry that hands and objects share: meshes, signed distance, convex parts."""

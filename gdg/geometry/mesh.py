@@ -1,0 +1,111 @@
+"""Triangle meshes: safe loading, sampling, tests of points."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+from gdg.errors import GdgError
+
+#: Meshes beyond these are refused unread or undigested: a hand or object needs far less.
+MAX_MESH_BYTES = 200_000_000
+MAX_FACES = 1_000_000
+MESH_SUFFIXES = (".stl", ".obj", ".ply", ".off", ".dae")
+
+
+def load_mesh(path: Path) -> trimesh.Trimesh:
+    """One triangle mesh from a file, vertices merged, in the file's own units.
+
+    Raises:
+        GdgError: missing, too large, no mesh format, empty, or not finite.
+    """
+    if not path.is_file():
+        raise GdgError(f"{path}: there is no such mesh file.")
+    if path.suffix.lower() not in MESH_SUFFIXES:
+        raise GdgError(f"{path}: not a mesh format that gdg reads ({', '.join(MESH_SUFFIXES)}).")
+    if path.stat().st_size > MAX_MESH_BYTES:
+        raise GdgError(f"{path}: larger than {MAX_MESH_BYTES // 10**6} MB; decimate it first.")
+    mesh = _parse(path)
+    if len(mesh.faces) == 0:
+        raise GdgError(f"{path}: the mesh has no faces.")
+    if len(mesh.faces) > MAX_FACES:
+        raise GdgError(
+            f"{path}: {len(mesh.faces):,} faces, more than {MAX_FACES:,}; decimate it first "
+            f"(20,000 are plenty for grasping)."
+        )
+    if not np.isfinite(mesh.vertices).all():
+        raise GdgError(f"{path}: the mesh has vertices that are not finite numbers.")
+    if float(np.ptp(mesh.vertices, axis=0).max()) <= 0.0:
+        raise GdgError(f"{path}: all vertices of the mesh coincide.")
+    return mesh
+
+
+def _parse(path: Path) -> trimesh.Trimesh:
+    # trimesh's loaders raise whatever their format's parser raises, on hostile bytes anything
+    try:
+        loaded = trimesh.load(
+            path, force="mesh", skip_materials=True, resolver=_NoResolver(), process=True
+        )
+    except (ValueError, TypeError, KeyError, IndexError, OSError, AttributeError, ImportError,
+            NotImplementedError, AssertionError, MemoryError, SyntaxError) as error:  # fmt: skip
+        raise GdgError(f"{path}: cannot be read as a mesh: {_one_line(error)}") from error
+    if not isinstance(loaded, trimesh.Trimesh):
+        raise GdgError(f"{path}: holds no triangle mesh.")
+    return loaded
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())[:200] or type(error).__name__
+
+
+class _NoResolver(trimesh.visual.resolvers.Resolver):
+    """Refuses every further file (materials, textures) that a mesh file names."""
+
+    def __init__(self) -> None:
+        """Nothing to resolve against."""
+
+    def get(self, name: str) -> bytes:
+        raise FileNotFoundError(name)
+
+    def keys(self) -> list[str]:
+        return []
+
+    def namespaced(self, namespace: str) -> _NoResolver:
+        return self
+
+    def write(self, name: str, data: bytes) -> None:
+        raise PermissionError(name)
+
+
+def sample_surface(
+    mesh: trimesh.Trimesh, count: int, seed: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Points uniform over a mesh's surface, with the outward normals of their faces.
+
+    Returns:
+        points (count, 3) and normals (count, 3), in the mesh's frame and units.
+    """
+    points, faces = trimesh.sample.sample_surface(mesh, count, seed=seed)
+    return np.asarray(points), np.asarray(mesh.face_normals[faces])
+
+
+def farthest_points(points: np.ndarray, count: int) -> np.ndarray:
+    """Indices of ``count`` points that cover a cloud evenly (farthest-point sampling).
+
+    Deterministic: starts at index 0, the lowest index wins ties.
+    """
+    chosen = np.zeros(min(count, len(points)), dtype=np.int64)
+    nearest = np.full(len(points), np.inf)
+    for i in range(1, len(chosen)):
+        nearest = np.minimum(nearest, ((points - points[chosen[i - 1]]) ** 2).sum(-1))
+        chosen[i] = int(nearest.argmax())
+    return chosen
+
+
+def inside_convex(mesh: trimesh.Trimesh, points: np.ndarray, margin: float) -> np.ndarray:
+    """Which points lie deeper than ``margin`` metres inside a convex mesh; (n,) bool."""
+    normals = mesh.face_normals
+    offsets = np.einsum("ij,ij->i", normals, mesh.triangles[:, 0])
+    return (points @ normals.T - offsets).max(-1) < -margin

@@ -1,0 +1,1 @@
+"""What a hand is: its folder, its URDF, its collision geometry."""

@@ -1,0 +1,222 @@
+"""The one geometry of a hand: convex parts per link, from which all else is taken.
+
+The contact surface, penetration, self-collision and the simulators all use these parts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+from gdg.cache import cached_arrays, content_hash
+from gdg.errors import GdgError
+from gdg.geometry.convex import Decomposition, convex_parts
+from gdg.geometry.mesh import farthest_points, inside_convex, load_mesh, sample_surface
+from gdg.hands.urdf import Shape, Urdf
+
+#: Links are cut while their hull stands off by more than this on average.
+DECOMPOSITION = Decomposition(gap_m=0.0008, max_parts=8)
+#: No link of a hand is larger than this; a larger one means millimetres read as metres.
+MAX_LINK_EXTENT_M = 2.0
+#: Samples taken per surface point kept, so that farthest-point sampling has a choice.
+OVERSAMPLING = 8
+#: Sphere covers: at most this many per part, none thinner than this share of the thickest.
+MAX_SPHERES_PER_PART = 4
+MIN_SPHERE_SHARE = 0.5
+
+
+@dataclass(frozen=True)
+class ConvexPart:
+    """One convex piece of a link.
+
+    Attributes:
+        link: the link that carries it.
+        kind: ``box``, ``cylinder``, ``sphere`` or ``hull``.
+        size: full side lengths; radius and length; radius; or empty for a hull. Metres.
+        T_link_part: pose in the link's frame (identity for a hull).
+        mesh: its surface in the link's frame, metres.
+    """
+
+    link: str
+    kind: str
+    size: tuple[float, ...]
+    T_link_part: np.ndarray
+    mesh: trimesh.Trimesh
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Points on the outer surface of a hand, evenly spread.
+
+    Attributes:
+        points: (hand_point, 3) in the frames of their links, metres.
+        normals: (hand_point, 3) outward unit normals, link frames.
+        link_index: (hand_point,) index into ``Urdf.links``.
+    """
+
+    points: np.ndarray
+    normals: np.ndarray
+    link_index: np.ndarray
+
+
+@dataclass(frozen=True)
+class Spheres:
+    """Inscribed spheres that stand for the hand in self-collision.
+
+    Attributes:
+        centers: (sphere, 3) in link frames, metres.
+        radii: (sphere,) metres.
+        link_index: (sphere,) index into ``Urdf.links``.
+    """
+
+    centers: np.ndarray
+    radii: np.ndarray
+    link_index: np.ndarray
+
+
+def link_parts(urdf: Urdf, folder: Path, role: str) -> tuple[ConvexPart, ...]:
+    """Convex parts of every link, from its ``collision`` or ``visual`` shapes.
+
+    Raises:
+        GdgError: a mesh that is missing, unreadable, implausibly large or outside the folder; or
+            no shape of that role in the whole URDF.
+    """
+    parts: list[ConvexPart] = []
+    for link in urdf.links.values():
+        for shape in link.collisions if role == "collision" else link.visuals:
+            parts += _parts_of(urdf, folder, link.name, shape)
+    if not parts:
+        raise GdgError(f"{urdf.path}: no link has {role} shapes (see 'geometry' in hand.yaml).")
+    return tuple(parts)
+
+
+def _parts_of(urdf: Urdf, folder: Path, link: str, shape: Shape) -> list[ConvexPart]:
+    if shape.kind != "mesh":
+        mesh = _primitive_mesh(shape)
+        mesh.apply_transform(shape.T_link_shape)
+        return [ConvexPart(link, shape.kind, shape.size, shape.T_link_shape, mesh)]
+    mesh = load_mesh(resolve_mesh(urdf.path, folder, link, shape.mesh)).copy()
+    mesh.apply_transform(np.diag([*shape.size, 1.0]))
+    mesh.apply_transform(shape.T_link_shape)
+    extent = float(mesh.extents.max())
+    if extent > MAX_LINK_EXTENT_M:
+        raise GdgError(
+            f"{urdf.path}: link '{link}': mesh '{shape.mesh}' is {extent:.3g} m long: it seems to "
+            f'be in millimetres; write scale="0.001 0.001 0.001".'
+        )
+    return [ConvexPart(link, "hull", (), np.eye(4), p) for p in convex_parts(mesh, DECOMPOSITION)]
+
+
+def resolve_mesh(urdf_path: Path, folder: Path, link: str, name: str) -> Path:
+    """The file of a mesh that a URDF names, which must lie inside the hand's folder.
+
+    ``package://name/path`` is looked up as ``path``, then as ``name/path``.
+
+    Raises:
+        GdgError: the path leaves the folder (links are followed), or there is no such file.
+    """
+    candidates = [name]
+    if name.startswith("package://"):
+        whole = name.removeprefix("package://")
+        candidates = [whole.partition("/")[2], whole]
+    elif "://" in name:
+        raise GdgError(f"{urdf_path}: link '{link}': mesh '{name}' is no path inside the folder.")
+    inside = folder.resolve()
+    for candidate in candidates:
+        path = (urdf_path.parent / candidate).resolve()
+        if not path.is_relative_to(inside):
+            raise GdgError(
+                f"{urdf_path}: link '{link}': mesh '{name}' lies outside the hand's folder; copy "
+                f"it into {folder}."
+            )
+        if path.is_file():
+            return path
+    raise GdgError(f"{urdf_path}: link '{link}': there is no mesh file '{name}' in {folder}.")
+
+
+def _primitive_mesh(shape: Shape) -> trimesh.Trimesh:
+    if shape.kind == "box":
+        return trimesh.creation.box(shape.size)
+    if shape.kind == "cylinder":
+        return trimesh.creation.cylinder(shape.size[0], shape.size[1], sections=32)
+    return trimesh.creation.icosphere(3, radius=shape.size[0])
+
+
+def hand_surface(urdf: Urdf, parts: tuple[ConvexPart, ...], count: int, seed: int) -> Surface:
+    """``count`` points on the outside of the union of each link's parts; cached on disk."""
+    key = content_hash("hand-surface-1", *_signature(urdf, parts), count, seed)
+    arrays = cached_arrays("surface", key, lambda: _sample(urdf, parts, count, seed))
+    return Surface(arrays["points"], arrays["normals"], arrays["link_index"])
+
+
+def _sample(
+    urdf: Urdf, parts: tuple[ConvexPart, ...], count: int, seed: int
+) -> dict[str, np.ndarray]:
+    links = list(urdf.links)
+    areas = np.array([part.mesh.area for part in parts])
+    points, normals, index = [], [], []
+    for i, part in enumerate(parts):
+        wanted = max(16, int(np.ceil(OVERSAMPLING * count * areas[i] / areas.sum())))
+        p, n = sample_surface(part.mesh, wanted, seed=seed + i)
+        siblings = [o.mesh for o in parts if o is not part and o.link == part.link]
+        hidden = np.zeros(len(p), bool)
+        for sibling in siblings:
+            # 10 µm: faces that two parts share (a cylinder and its cap) stay
+            hidden |= inside_convex(sibling, p, margin=1e-5)
+        points.append(p[~hidden])
+        normals.append(n[~hidden])
+        index.append(np.full(int((~hidden).sum()), links.index(part.link)))
+    all_points, all_index = np.concatenate(points), np.concatenate(index)
+    # links side by side would share points if they were sampled in one frame
+    spread = all_points + 10.0 * np.stack([all_index, 0 * all_index, 0 * all_index], -1)
+    chosen = farthest_points(spread, count)
+    return {
+        "points": all_points[chosen].astype(np.float32),
+        "normals": np.concatenate(normals)[chosen].astype(np.float32),
+        "link_index": all_index[chosen].astype(np.int64),
+    }
+
+
+def hand_spheres(urdf: Urdf, parts: tuple[ConvexPart, ...], seed: int = 0) -> Spheres:
+    """Inscribed spheres of all parts; cached on disk."""
+    key = content_hash("hand-spheres-2", *_signature(urdf, parts), seed)
+    arrays = cached_arrays("spheres", key, lambda: _inscribe(urdf, parts, seed))
+    return Spheres(arrays["centers"], arrays["radii"], arrays["link_index"])
+
+
+def _inscribe(urdf: Urdf, parts: tuple[ConvexPart, ...], seed: int) -> dict[str, np.ndarray]:
+    links, rng = list(urdf.links), np.random.default_rng(seed)
+    centers, radii, index = [], [], []
+    for part in parts:
+        low, high = part.mesh.bounds
+        candidates = rng.uniform(low, high, size=(4000, 3))
+        offsets = np.einsum("ij,ij->i", part.mesh.face_normals, part.mesh.triangles[:, 0])
+        depth = -(candidates @ part.mesh.face_normals.T - offsets).max(-1)
+        thickest = depth.max()
+        for _ in range(MAX_SPHERES_PER_PART):
+            deepest = int(depth.argmax())
+            radius = float(depth[deepest])
+            if radius <= 0 or radius < MIN_SPHERE_SHARE * thickest:
+                break
+            centers.append(candidates[deepest])
+            radii.append(radius)
+            index.append(links.index(part.link))
+            # a candidate in the chosen sphere's core would add next to nothing
+            distance = np.linalg.norm(candidates - candidates[deepest], axis=-1)
+            depth = np.where(distance < radius, -1.0, depth)
+    return {
+        "centers": np.array(centers, np.float32).reshape(-1, 3),
+        "radii": np.array(radii, np.float32),
+        "link_index": np.array(index, np.int64),
+    }
+
+
+def _signature(urdf: Urdf, parts: tuple[ConvexPart, ...]) -> list[bytes | str]:
+    signature: list[bytes | str] = [repr(list(urdf.links))]
+    for part in parts:
+        vertices = np.ascontiguousarray(part.mesh.vertices, dtype=np.float64)
+        signature += [part.link, vertices.tobytes()]
+    return signature

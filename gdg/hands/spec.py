@@ -1,0 +1,199 @@
+"""The manifest of a hand folder, ``hand.yaml``, validated. Light: imports no geometry library."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import yaml
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+
+from gdg.errors import GdgError, did_you_mean, raise_if_any
+
+MANIFEST = "hand.yaml"
+#: A manifest larger than this is refused unread (the largest of ours has 20 kB).
+MAX_MANIFEST_BYTES = 1_000_000
+
+
+def _finite(value: float) -> float:
+    if not math.isfinite(value):
+        raise ValueError("must be a finite number")
+    return value
+
+
+def _unit(vector: tuple[float, float, float]) -> tuple[float, float, float]:
+    norm = math.hypot(*vector)
+    if abs(norm - 1.0) > 0.01:
+        raise ValueError(f"must be a unit vector (its length is {norm:.3g})")
+    return (vector[0] / norm, vector[1] / norm, vector[2] / norm)
+
+
+def _inside_folder(name: str) -> str:
+    if Path(name).is_absolute() or ".." in Path(name).parts:
+        raise ValueError("must be a path inside the hand's folder")
+    return name
+
+
+Finite = Annotated[float, AfterValidator(_finite)]
+Point = tuple[Finite, Finite, Finite]
+UnitVector = Annotated[Point, AfterValidator(_unit)]
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Palm(_Section):
+    """The palm surface, in the frame of its link.
+
+    Attributes:
+        link: the link that carries the palm.
+        normal: unit vector out of the palm, toward what the hand grasps.
+        center: a point on the palm's surface, metres.
+    """
+
+    link: str
+    normal: UnitVector
+    center: Point
+
+
+class Drive(_Section):
+    """Gains of a joint's position drive; a protocol may override stiffness and damping.
+
+    Attributes:
+        stiffness: N m/rad (N/m for a prismatic joint).
+        damping: N m s/rad.
+        force_limit: N m (N for a prismatic joint).
+    """
+
+    stiffness: Annotated[float, Field(gt=0)] = 20.0
+    damping: Annotated[float, Field(ge=0)] = 1.0
+    force_limit: Annotated[float, Field(gt=0)] = 10.0
+
+
+class Drives(_Section):
+    """Default drive and exceptions by joint."""
+
+    default: Drive = Drive()
+    joints: dict[str, Drive] = {}
+
+    def of(self, joint: str) -> Drive:
+        """The drive of one joint."""
+        return self.joints.get(joint, self.default)
+
+
+class Provenance(_Section):
+    """Where the figures come from and on what terms."""
+
+    source: str
+    licence: str
+
+
+Region = tuple[Point, Point, Point, Point]
+
+
+class HandSpec(_Section):
+    """What ``hand.yaml`` says; checked against the URDF by ``gdg.hands.hand.load_hand``.
+
+    Attributes:
+        name: the name users type; lower case.
+        title: the name people read.
+        urdf: path of the URDF inside the folder.
+        geometry: which shapes of the URDF are the hand's one geometry; ``visual`` for URDFs whose
+            collision shapes are placeholders.
+        root_link: the link whose pose is the grasp's pose.
+        palm: palm link, outward normal and centre.
+        joints: actuated joints in the order of every joint vector; mimic joints are left out.
+        open: open posture, joint -> rad (m for a prismatic joint).
+        closed: posture with the fingers flexed, same units. A joint that is left out of both
+            takes no part in closing and rests in the middle of its range.
+        contact_regions: link -> quadrilaterals of four corners, link frame, metres,
+            counter-clockwise seen from outside.
+        allowed_self_contacts: pairs of links that may touch beyond those that always do
+            (neighbours in the chain).
+        drives: gains and force limits.
+        provenance: sources and licence.
+    """
+
+    name: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_-]*$")]
+    title: str = ""
+    urdf: Annotated[str, AfterValidator(_inside_folder)]
+    geometry: Literal["collision", "visual"] = "collision"
+    root_link: str
+    palm: Palm
+    joints: Annotated[tuple[str, ...], Field(min_length=1)]
+    open: dict[str, Finite] = {}
+    closed: dict[str, Finite] = {}
+    contact_regions: dict[str, list[Region]]
+    allowed_self_contacts: list[tuple[str, str]] = []
+    drives: Drives = Drives()
+    provenance: Provenance
+
+    def joint_references(self) -> Iterable[tuple[str, str]]:
+        """Every joint name that the manifest mentions, with the dotted place of the mention."""
+        for index, joint in enumerate(self.joints):
+            yield f"joints[{index}]", joint
+        for section in ("open", "closed"):
+            for joint in getattr(self, section):
+                yield f"{section}.{joint}", joint
+        for joint in self.drives.joints:
+            yield f"drives.joints.{joint}", joint
+
+    def link_references(self) -> Iterable[tuple[str, str]]:
+        """Every link name that the manifest mentions, with the dotted place of the mention."""
+        yield "root_link", self.root_link
+        yield "palm.link", self.palm.link
+        for link in self.contact_regions:
+            yield f"contact_regions.{link}", link
+        for index, pair in enumerate(self.allowed_self_contacts):
+            for link in pair:
+                yield f"allowed_self_contacts[{index}]", link
+
+
+def read_spec(folder: Path) -> HandSpec:
+    """Reads and validates ``hand.yaml``; says every mistake at once.
+
+    Raises:
+        GdgError: the file is missing, too large, no YAML, or breaks the schema.
+    """
+    path = folder / MANIFEST
+    try:
+        if path.stat().st_size > MAX_MANIFEST_BYTES:
+            raise GdgError(f"{path}: larger than {MAX_MANIFEST_BYTES} bytes.")
+        tree: Any = yaml.load(path.read_text(encoding="utf-8"), Loader=_NoAliases)
+    except (OSError, UnicodeDecodeError) as error:
+        raise GdgError(f"{path}: cannot be read: {error}") from error
+    except yaml.YAMLError as error:
+        raise GdgError(f"{path}: is no valid YAML: {' '.join(str(error).split())}") from error
+    if not isinstance(tree, dict):
+        raise GdgError(f"{path}: must be a mapping (name, urdf, root_link, palm, joints, …).")
+    try:
+        return HandSpec(**{str(key): value for key, value in tree.items()})
+    except ValidationError as error:
+        raise_if_any([f"{path}: {_sentence(detail)}" for detail in error.errors()])
+        raise
+
+
+def _sentence(detail: Any) -> str:
+    place = ".".join(str(part) for part in detail["loc"])
+    if detail["type"] == "missing":
+        return f"{place}: must be given."
+    if detail["type"] == "extra_forbidden":
+        return f"{place}: there is no such field.{did_you_mean(place, HandSpec.model_fields)}"
+    shown = repr(detail["input"])
+    shown = shown if len(shown) <= 60 else shown[:57] + "..."
+    return f"{place}: {detail['msg'].removeprefix('Value error, ')} (given: {shown})."
+
+
+class _NoAliases(yaml.SafeLoader):
+    """YAML without anchors and aliases, so that a small file can't grow into a large one."""
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        if self.check_event(yaml.events.AliasEvent):
+            event = self.get_event()
+            raise yaml.composer.ComposerError(
+                None, None, "aliases (*name) are not allowed", event.start_mark
+            )
+        return super().compose_node(parent, index)

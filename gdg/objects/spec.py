@@ -1,0 +1,60 @@
+"""The manifest of an object folder, ``object.yaml``. Light: imports no geometry library."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import yaml
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+
+from gdg.errors import GdgError
+
+MANIFEST = "object.yaml"
+
+
+def _inside_folder(name: str) -> str:
+    if Path(name).is_absolute() or ".." in Path(name).parts:
+        raise ValueError("must be a path inside the object's folder")
+    return name
+
+
+class ObjectSpec(BaseModel):
+    """What ``object.yaml`` says.
+
+    Attributes:
+        name: the name users type; lower case.
+        title: the name people read.
+        mesh: path of the mesh inside the folder; metres.
+        split: ``train`` objects may be learned from, ``test`` objects never.
+        thin_shell: wall thickness in metres of cups, bowls and the like; None for solids.
+        source: where shape and dimensions come from.
+        licence: on what terms.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+    name: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_-]*$")]
+    title: str = ""
+    mesh: Annotated[str, AfterValidator(_inside_folder)]
+    split: Literal["train", "test"]
+    thin_shell: Annotated[float, Field(gt=0)] | None = None
+    source: str
+    licence: str
+
+
+def read_object_spec(folder: Path) -> ObjectSpec:
+    """Reads and validates ``object.yaml``.
+
+    Raises:
+        GdgError: the file can't be read, is no YAML or breaks the schema.
+    """
+    path = folder / MANIFEST
+    try:
+        tree = yaml.safe_load(path.read_text(encoding="utf-8"))
+        return ObjectSpec(**tree)
+    except (OSError, UnicodeDecodeError, TypeError, yaml.YAMLError) as error:
+        raise GdgError(f"{path}: cannot be read: {' '.join(str(error).split())}") from error
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(str(part) for part in first["loc"])
+        raise GdgError(f"{path}: {place}: {first['msg']}") from error

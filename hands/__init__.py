@@ -1,0 +1,1 @@
+"""Bundled hands: one folder each, data only."""

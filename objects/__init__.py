@@ -1,0 +1,1 @@
+"""Bundled objects: one folder each, data only."""

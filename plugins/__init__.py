@@ -1,0 +1,1 @@
+"""Built-in components: one folder per plugin, registered like everyone else's."""
