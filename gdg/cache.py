@@ -12,13 +12,15 @@ import numpy as np
 import platformdirs
 
 from gdg.data.atomic import atomic_path
+from gdg.errors import GdgError
 
 Arrays = Mapping[str, np.ndarray]
 
 
 def cache_directory() -> Path:
     """``GDG_CACHE`` if set, else the user's cache directory."""
-    return Path(os.environ.get("GDG_CACHE") or platformdirs.user_cache_dir("gdg"))
+    given = os.environ.get("GDG_CACHE")
+    return Path(os.path.expanduser(given) if given else platformdirs.user_cache_dir("gdg"))
 
 
 def content_hash(*parts: bytes | str | float | int) -> str:
@@ -36,6 +38,9 @@ def cached_arrays(kind: str, key: str, compute: Callable[[], Arrays]) -> Arrays:
 
     A file that can't be read (cut off by a crash of an older version) is computed anew. Files are
     written atomically, so processes may share the cache.
+
+    Raises:
+        GdgError: the cache can't be written.
     """
     path = cache_directory() / kind / f"{key}.npz"
     if path.is_file():
@@ -45,6 +50,12 @@ def cached_arrays(kind: str, key: str, compute: Callable[[], Arrays]) -> Arrays:
         except (OSError, ValueError, EOFError, zipfile.BadZipFile):
             path.unlink(missing_ok=True)
     arrays = compute()
-    with atomic_path(path) as temporary, temporary.open("wb") as stream:
-        np.savez(stream, **arrays)
+    try:
+        with atomic_path(path) as temporary, temporary.open("wb") as stream:
+            np.savez(stream, **arrays)
+    except OSError as error:
+        raise GdgError(
+            f"{path}: the cache cannot be written: {error.strerror or error}. Set GDG_CACHE to a "
+            f"folder with space that you may write to."
+        ) from error
     return arrays

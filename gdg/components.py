@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import inspect
+import shlex
+import sys
 from dataclasses import dataclass, field
 
 from pydantic import BaseModel, ConfigDict
@@ -27,9 +30,11 @@ def config_key(kind: str) -> str:
 
 
 class Options(BaseModel):
-    """Base of every component's options: frozen, typed, unknown fields refused."""
+    """Base of every component's options: frozen, typed, finite, unknown fields refused."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, validate_default=True)
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, validate_default=True, allow_inf_nan=False
+    )
 
 
 class NoOptions(Options):
@@ -66,23 +71,23 @@ class Component:
     version: str = field(default="", compare=False)
 
     def missing_requirements(self) -> tuple[str, ...]:
-        """Import names in ``requires`` that are not installed; imports nothing."""
-        return tuple(name for name in self.requires if importlib.util.find_spec(name) is None)
+        """Import names in ``requires`` that are not installed; imports no top-level package."""
+        return tuple(name for name in self.requires if not _is_installed(name))
 
     def load(self) -> type:
         """Imports and returns the component's class.
 
         Raises:
             GdgError: an optional package is missing (with the pip command that installs it),
-                the target cannot be imported, or it does not extend the kind's interface.
+                the target cannot be imported, or it does not implement the kind's interface.
         """
         missing = self.missing_requirements()
         if missing:
-            names = ", ".join(f"'{name}'" for name in missing)
-            package = f"{self.distribution or 'gdg'}[{self.extra}]" if self.extra else missing[0]
+            names = " and ".join(f"'{name}'" for name in missing)
+            packages = [f"{self.distribution or 'gdg'}[{self.extra}]"] if self.extra else missing
             raise GdgError(
-                f"{self.kind} '{self.name}' needs the package {names}, which is not installed: "
-                f"pip install '{package}'"
+                f"{self.kind} '{self.name}' needs {names}, not installed here: "
+                f"pip install {' '.join(shlex.quote(package) for package in packages)}"
             )
         cls = self._import_target(self.target)
         interface = self._import_target(KINDS[self.kind])
@@ -91,14 +96,26 @@ class Component:
                 f"{self.kind} '{self.name}' of plugin '{self.provider}': {self.target} does not "
                 f"extend {interface.__module__}.{interface.__name__}."
             )
+        if inspect.isabstract(cls):
+            raise GdgError(
+                f"{self.kind} '{self.name}' of plugin '{self.provider}': {self.target} does not "
+                f"implement {', '.join(sorted(cls.__abstractmethods__))}."
+            )
         return cls
 
     def _import_target(self, target: str) -> type:
         module_name, _, attribute = target.partition(":")
         try:
             return getattr(importlib.import_module(module_name), attribute)
-        except (ImportError, AttributeError) as error:
+        except Exception as error:  # loads a plugin: its module may raise anything
             raise GdgError(
                 f"{self.kind} '{self.name}' of plugin '{self.provider}': cannot import "
-                f"'{target}': {error}"
+                f"'{target}': {type(error).__name__}: {error}"
             ) from error
+
+
+def _is_installed(name: str) -> bool:
+    try:
+        return importlib.util.find_spec(name) is not None
+    except (ModuleNotFoundError, ValueError):  # no parent package; a module without a spec
+        return name in sys.modules

@@ -2,7 +2,9 @@
 
 Rules:
     - ``fitter=adam`` swaps the whole group: nothing of the old component's options survives;
-    - ``fitter.particles=64`` sets one option;
+      naming the component that is chosen already changes nothing;
+    - ``fitter.particles=64`` sets one option of the component that is chosen in the end, wherever
+      in the line the swap stands: no override is ever dropped in silence;
     - a top-level comma makes a sweep: ``distance=aligned,euclidean`` gives two configs, and two
       sweeps give their product; write ``[a, b]`` for a list, and quote text with commas;
     - every mistake is reported at once, by its dotted key, with suggestions.
@@ -11,37 +13,49 @@ Rules:
 from __future__ import annotations
 
 import itertools
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import yaml
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from gdg.components import KINDS, Component, Options, config_key
 from gdg.errors import GdgError, did_you_mean, raise_if_any
 from gdg.registry import Registry
+from gdg.validation import sentences
+from gdg.yaml_files import parse_yaml, read_yaml_mapping
 
 GROUPS = {config_key(kind): kind for kind in KINDS}
+KEY = re.compile(r"[^\s.=,]+(\.[^\s.=,]+)*")
 Tree = dict[str, Any]
 
 
 class JobConfig(BaseModel):
     """Base of what a command takes: its own fields; component groups come beside them."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, validate_default=True)
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, validate_default=True, allow_inf_nan=False
+    )
 
 
 class ComponentChoice(BaseModel):
-    """One chosen component with its validated options."""
+    """One chosen component with its validated options.
+
+    Attributes:
+        record: the component.
+        options: its options.
+        name: as the user wrote it, possibly ``provider/name``.
+    """
 
     model_config = ConfigDict(frozen=True, arbitrary_types_allowed=True)
     record: Component
     options: Options
+    name: str = ""
 
     def as_tree(self) -> Tree:
         """``{"name": ..., option: value, ...}``, as it stands in ``config.yaml``."""
-        return {"name": self.record.name, **self.options.model_dump(mode="json")}
+        return {"name": self.name or self.record.name, **self.options.model_dump(mode="json")}
 
 
 class RunConfig(BaseModel):
@@ -83,21 +97,30 @@ def compose(
     """
     base: Tree = {key: {"name": name} for key, name in defaults.items()}
     for path in files:
-        _merge(base, _read_yaml(path))
-    parsed = [_parse_override(word) for word in overrides]
+        _merge(base, read_yaml_mapping(path))
+    mistakes: list[str] = []
+    parsed = list(filter(None, [_parse_override(word, mistakes) for word in overrides]))
     configs = []
     for values in itertools.product(*(alternatives for _, alternatives in parsed)):
         tree = _copy(base)
-        for (key, _), value in zip(parsed, values, strict=True):
+        # whole groups first; sorting is stable, so otherwise the later word wins
+        chosen = zip((key for key, _ in parsed), values, strict=True)
+        for key, value in sorted(chosen, key=lambda pair: "." in pair[0]):
             _merge(tree, _nested(key, value))
-        configs.append(_validate(tree, job_model, registry, defaults))
-    return configs
+        configs.append(_validate(tree, job_model, registry, defaults, mistakes))
+    raise_if_any(list(dict.fromkeys(mistakes)))
+    return [config for config in configs if config is not None]
 
 
 def _validate(
-    tree: Tree, job_model: type[JobConfig], registry: Registry, defaults: Mapping[str, str]
-) -> RunConfig:
-    mistakes: list[str] = []
+    tree: Tree,
+    job_model: type[JobConfig],
+    registry: Registry,
+    defaults: Mapping[str, str],
+    mistakes: list[str],
+) -> RunConfig | None:
+    """The resolved config, or None with one sentence per mistake appended."""
+    before = len(mistakes)
     fields = {key: value for key, value in tree.items() if key not in defaults}
     known = [*job_model.model_fields, *defaults]
     for key in [key for key in fields if key not in job_model.model_fields]:
@@ -109,11 +132,12 @@ def _validate(
         choice = _choose(key, tree[key], registry, mistakes)
         if choice is not None:
             components[key] = choice
-    raise_if_any(mistakes)
-    return RunConfig(job=job, components=components)
+    return None if len(mistakes) > before else RunConfig(job=job, components=components)
 
 
-def _choose(key: str, group: Any, registry: Registry, mistakes: list[str]) -> Any:
+def _choose(
+    key: str, group: Any, registry: Registry, mistakes: list[str]
+) -> ComponentChoice | None:
     if not isinstance(group, dict) or not isinstance(group.get("name"), str):
         mistakes.append(f"{key}: give the name of a component, e.g. {key}=…")
         return None
@@ -122,9 +146,11 @@ def _choose(key: str, group: Any, registry: Registry, mistakes: list[str]) -> An
     except GdgError as error:
         mistakes.append(f"{key}: {error}")
         return None
-    given = {option: value for option, value in group.items() if option != "name"}
+    given = {str(option): value for option, value in group.items() if option != "name"}
     options = _checked(record.options, given, f"{key}.", mistakes)
-    return None if options is None else ComponentChoice(record=record, options=options)
+    if options is None:
+        return None
+    return ComponentChoice(name=group["name"], record=record, options=options)
 
 
 def _checked(model: type[BaseModel], values: Tree, prefix: str, mistakes: list[str]) -> Any:
@@ -132,16 +158,7 @@ def _checked(model: type[BaseModel], values: Tree, prefix: str, mistakes: list[s
     try:
         return model(**values)
     except ValidationError as error:
-        for detail in error.errors():
-            dotted = prefix + ".".join(str(part) for part in detail["loc"])
-            if detail["type"] == "extra_forbidden":
-                hint = did_you_mean(str(detail["loc"][-1]), model.model_fields)
-                mistakes.append(f"{dotted}: there is no such option.{hint}")
-            elif detail["type"] == "missing":
-                mistakes.append(f"{dotted}: must be given, e.g. {dotted}=…")
-            else:
-                reason = detail["msg"].removeprefix("Value error, ")
-                mistakes.append(f"{dotted}: {reason} (given: {detail['input']!r})")
+        mistakes += sentences(error, model, prefix)
         return None
 
 
@@ -169,49 +186,40 @@ def _nested(key: str, value: Any) -> Tree:
     return {head: {rest: value} if rest else value}
 
 
-def _parse_override(word: str) -> tuple[str, list[Any]]:
+def _parse_override(word: str, mistakes: list[str]) -> tuple[str, list[Any]] | None:
+    """Key and alternative values, or None with a sentence appended."""
     key, equals, text = word.partition("=")
-    if not equals or not key:
-        raise GdgError(f"'{word}': an override is written key=value, e.g. hand=allegro.")
-    return key.strip(), [_parse_value(word, part) for part in _split_commas(text)]
-
-
-def _parse_value(word: str, text: str) -> Any:
+    if not equals or not KEY.fullmatch(key.strip()):
+        mistakes.append(f"'{word}': an override is written key=value, e.g. hand=allegro.")
+        return None
     try:
-        return yaml.safe_load(text) if text.strip() else None
-    except yaml.YAMLError as error:
-        raise GdgError(f"'{word}': the value is no valid YAML: {_one_line(error)}") from error
+        return key.strip(), [parse_yaml(part, f"'{word}'") for part in _split_commas(text)]
+    except GdgError as error:
+        mistakes.append(str(error))
+        return None
 
 
 def _split_commas(text: str) -> list[str]:
-    parts, depth, quote = [""], 0, ""
+    """Cuts at commas that stand in no brackets and no quotes (a quote opens where YAML's may)."""
+    parts, depth, quote, skip = [""], 0, "", False
     for char in text:
-        if quote:
+        before = parts[-1].rstrip()[-1:]
+        parts[-1] += char
+        if skip:
+            skip = False
+        elif quote:
+            skip = char == "\\" and quote == '"'
             quote = "" if char == quote else quote
-        elif char in "'\"":
+        elif char in "'\"" and before in ("", char, *"[{(,:"):
             quote = char
-        depth += (not quote) * ((char in "[{(") - (char in "]})"))
-        if char == "," and not quote and depth == 0:
+        elif char in "[{(":
+            depth += 1
+        elif char in "]})":
+            depth = max(0, depth - 1)
+        elif char == "," and depth == 0:
+            parts[-1] = parts[-1][:-1]
             parts.append("")
-        else:
-            parts[-1] += char
     return parts
-
-
-def _read_yaml(path: Path) -> Tree:
-    try:
-        tree = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise GdgError(f"{path}: cannot be read: {error}") from error
-    except yaml.YAMLError as error:
-        raise GdgError(f"{path}: is no valid YAML: {_one_line(error)}") from error
-    if not isinstance(tree, dict):
-        raise GdgError(f"{path}: must be a mapping of options.")
-    return tree
-
-
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())
 
 
 def _copy(tree: Tree) -> Tree:

@@ -47,8 +47,9 @@ class FolderKind:
         marker: the file that makes a folder one of this kind, e.g. ``hand.yaml``.
         variable: environment variable with a list of directories to search.
         group: entry-point group of packages that carry such folders; each entry point's value
-            is the package's import name, located but never imported.
+            is the package's import name, dotted or not, located but never imported.
         bare_suffixes: file suffixes that stand for a folder by themselves (bare meshes).
+        file_hint: what to do with another file that was given in place of a folder.
     """
 
     noun: str
@@ -56,6 +57,7 @@ class FolderKind:
     variable: str
     group: str
     bare_suffixes: tuple[str, ...] = ()
+    file_hint: str = ""
 
     def user_directory(self) -> Path:
         """The user's own data directory for this kind; it need not exist."""
@@ -68,22 +70,35 @@ class FolderKind:
             GdgError: no such path or name (with a suggestion), or the name stands twice in
                 the nearest tier that has it.
         """
-        path = Path(given).expanduser()
-        if os.sep in given or path.suffix.lower() in self.bare_suffixes or given.startswith("."):
-            return self._explicit(given, path)
-        found = self.all()
-        if given in found:
-            return self._unambiguous(found[given])
-        if (path / self.marker).is_file():
-            return self._explicit(given, path)
+        path = Path(os.path.expanduser(given))
+        try:
+            if self._is_path(given, path):
+                return self._explicit(given, path)
+            found = self.all()
+            if given in found:
+                return self._unambiguous(found[given])
+            if path.exists():
+                return self._explicit(given, path)
+        except OSError as error:
+            raise GdgError(f"{self.noun} '{given[:80]}': {error.strerror or error}.") from error
         raise GdgError(
             f"Unknown {self.noun} '{given}'.{did_you_mean(given, found)} "
             f"A folder is given by its path, e.g. ./{given}."
         )
 
+    def _is_path(self, given: str, path: Path) -> bool:
+        marked = os.sep in given or given.startswith((".", "~"))
+        return marked or path.suffix.lower() in self.bare_suffixes
+
     def _explicit(self, given: str, path: Path) -> FoundFolder:
         if path.is_file() and path.suffix.lower() in self.bare_suffixes:
             return FoundFolder(path.stem, path.resolve(), "path", str(path.parent))
+        if path.is_file():
+            meshes = f" or a mesh ({', '.join(self.bare_suffixes)})" if self.bare_suffixes else ""
+            raise GdgError(
+                f"{self.noun} '{given}': is a file, not a folder with {self.marker}{meshes}."
+                f"{self.file_hint}"
+            )
         if not path.exists():
             raise GdgError(f"{self.noun} '{given}': there is no such file or folder.")
         if not (path / self.marker).is_file():
@@ -111,7 +126,7 @@ class FolderKind:
     def _directories(self, tier: str) -> Iterator[tuple[str, Path]]:
         if tier == "environment":
             for part in filter(None, os.environ.get(self.variable, "").split(os.pathsep)):
-                directory = Path(part).expanduser()
+                directory = Path(os.path.expanduser(part))
                 if not directory.is_dir():
                     raise GdgError(f"{self.variable}: '{part}' is not a directory.")
                 yield str(directory), directory
@@ -128,6 +143,8 @@ class FolderKind:
         if not directory.is_dir():
             return
         for path in sorted(directory.iterdir()):
+            if path.name.startswith("."):
+                continue
             if (path / self.marker).is_file():
                 yield path.name, path.resolve()
             elif path.is_file() and path.suffix.lower() in self.bare_suffixes:
@@ -145,14 +162,23 @@ def _nearest(found: list[FoundFolder]) -> FoundFolder:
 
 
 def _package_directories(package: str) -> list[Path]:
-    """Directories of a top-level package, found without importing it."""
-    spec = importlib.util.find_spec(package) if "." not in package else None
-    if spec is None:
+    """Directories of a package, found without importing it; of ``a.b``, the folder b of a."""
+    top, *rest = package.split(".")
+    try:
+        spec = importlib.util.find_spec(top)
+    except ValueError:  # a module that was made by hand and has no spec
         return []
-    return [Path(location) for location in spec.submodule_search_locations or ()]
+    locations = spec.submodule_search_locations if spec is not None else None
+    return [Path(location).joinpath(*rest) for location in locations or ()]
 
 
-HANDS = FolderKind("hand", "hand.yaml", "GDG_HANDS_PATH", "gdg.hands")
+HANDS = FolderKind(
+    "hand",
+    "hand.yaml",
+    "GDG_HANDS_PATH",
+    "gdg.hands",
+    file_hint=" gdg hands new FILE.urdf makes such a folder from a URDF.",
+)
 OBJECTS = FolderKind(
     "object", "object.yaml", "GDG_OBJECTS_PATH", "gdg.objects", (".stl", ".obj", ".ply", ".off")
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import os
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from importlib import metadata
@@ -18,6 +19,10 @@ from gdg.errors import GdgError, did_you_mean
 ENTRY_POINT_GROUP = "gdg"
 #: Set to 1 (CI does) to raise on a broken plugin instead of listing it as FAILED.
 STRICT_VARIABLE = "GDG_STRICT_PLUGINS"
+
+
+#: What a component may be called: no "/" (it divides provider and name), "," or "=" (overrides).
+NAME = re.compile(r"[a-z0-9]+([.-][a-z0-9]+)*")
 
 
 @dataclass(frozen=True)
@@ -68,7 +73,7 @@ class Registry:
         )
         try:
             plugin = entry_point.load()
-        except Exception as error:  # the plugin loader is the one place that may catch all
+        except (Exception, SystemExit) as error:  # the plugin loader may catch all
             self._fail(status, f"import failed: {type(error).__name__}: {error}")
             return
         self._add(plugin, status)
@@ -84,10 +89,15 @@ class Registry:
             manager.register(plugin, name=status.name)
             manager.check_pending()
             records = [record for batch in manager.hook.gdg_components() for record in batch]
-        except Exception as error:
+        except (Exception, SystemExit) as error:  # the plugin loader may catch all
             self._fail(status, f"{type(error).__name__}: {error}")
             return
         mistakes = list(_mistakes_in(records))
+        if not manager.get_hookcallers(plugin):
+            mistakes.append("it implements no hook: decorate one with gdg.hookspecs.hookimpl.")
+        other = next((p for p in self.plugins if p.name == status.name and not p.failure), None)
+        if other is not None:
+            mistakes.append(f"a plugin of that name came from '{other.distribution}' already.")
         if mistakes:
             self._fail(status, " ".join(mistakes))
             return
@@ -141,22 +151,39 @@ def _mistakes_in(records: Iterable[Component]) -> Iterable[str]:
     for record in records:
         if not isinstance(record, Component):
             yield f"gdg_components() returned {record!r}, which is no gdg.components.Component."
-            continue
-        where = f"component '{record.name}':"
-        if record.kind not in KINDS:
-            yield f"{where} unknown kind '{record.kind}'.{did_you_mean(record.kind, KINDS)}"
-        for kind in record.uses:
-            if kind not in KINDS:
-                yield f"{where} uses unknown kind '{kind}'.{did_you_mean(kind, KINDS)}"
-        if ":" not in record.target:
-            yield f"{where} target '{record.target}' must be written 'module:Class'."
-        if not (isinstance(record.options, type) and issubclass(record.options, Options)):
-            yield f"{where} options must be a subclass of gdg.components.Options."
-        if "/" in record.name or not record.name:
-            yield f"{where} a name may be neither empty nor contain '/'."
-        if (record.kind, record.name) in seen:
-            yield f"{where} given twice by one plugin."
-        seen.add((record.kind, record.name))
+        elif not _has_right_types(record):
+            yield (
+                f"component {record.name!r}: kind, name, target and summary must be text, uses and "
+                f"requires tuples of text, extra text or None."
+            )
+        else:
+            yield from (f"component '{record.name}': {text}" for text in _mistakes_of(record))
+            if (record.kind, record.name) in seen:
+                yield f"component '{record.name}': given twice by one plugin."
+            seen.add((record.kind, record.name))
+
+
+def _has_right_types(record: Component) -> bool:
+    texts = [record.kind, record.name, record.target, record.summary, record.extra or ""]
+    lists = [record.uses, record.requires]
+    return all(isinstance(value, tuple) for value in lists) and all(
+        isinstance(text, str) for text in [*texts, *record.uses, *record.requires]
+    )
+
+
+def _mistakes_of(record: Component) -> Iterable[str]:
+    for what, kind in [("", record.kind), *(("uses ", kind) for kind in record.uses)]:
+        if kind not in KINDS:
+            yield f"{what}unknown kind '{kind}'.{did_you_mean(kind, KINDS)}"
+    module, _, attribute = record.target.partition(":")
+    if not module or not attribute:
+        yield f"target '{record.target}' must be written 'module:Class'."
+    if not NAME.fullmatch(record.name):
+        yield "a name is made of lower-case letters, digits, dots and hyphens."
+    if not (isinstance(record.options, type) and issubclass(record.options, Options)):
+        yield "options must be a subclass of gdg.components.Options."
+    elif "name" in record.options.model_fields:
+        yield "options may have no field 'name', which chooses the component."
 
 
 def _check_kind(kind: str) -> None:

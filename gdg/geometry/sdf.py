@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import igl
 import numpy as np
@@ -46,32 +47,51 @@ class SignedDistanceGrid:
         Outside the grid it is the value at the nearest point of the grid plus the distance to
         that point: an upper bound, with a gradient that points away from the object.
         """
-        shape = points.shape[:-1]
         flat = points.reshape(-1, 3)
-        extent = self.spacing * (torch.tensor(self.values.shape, device=points.device) - 1)
-        local = flat - self.origin
-        inside = torch.minimum(local.clamp(min=0.0), extent)
+        inside = self._into_grid(flat)
+        sampled = self._sample(self.values[None], inside)[:, 0]
+        beyond = (flat - inside).square().sum(-1)
+        outside = beyond > 0
+        extra = torch.where(outside, torch.where(outside, beyond, 1.0).sqrt(), 0.0)
+        return (sampled + extra).reshape(points.shape[:-1])
+
+    def normals(self, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3"]:
+        """Outward unit normals of the nearest surface, differentiable in the points.
+
+        They are the gradient of the distance, by central differences at the nodes, interpolated
+        trilinearly; outside the grid, that of the nearest point of the grid.
+        """
+        flat = points.reshape(-1, 3)
+        sampled = self._sample(self._gradient, self._into_grid(flat))
+        return torch.nn.functional.normalize(sampled, dim=-1).reshape(points.shape)
+
+    @cached_property
+    def _gradient(self) -> Float[Tensor, "3 nx ny nz"]:
+        return torch.stack(torch.gradient(self.values, spacing=self.spacing))
+
+    def _into_grid(self, points: Float[Tensor, "point 3"]) -> Float[Tensor, "point 3"]:
+        return torch.minimum(torch.maximum(points, self.origin), self.origin + self._extent)
+
+    @cached_property
+    def _extent(self) -> Float[Tensor, "3"]:
+        shape = torch.tensor(self.values.shape, device=self.values.device)
+        return self.spacing * (shape - 1)
+
+    def _sample(
+        self, field: Float[Tensor, "channel nx ny nz"], points: Float[Tensor, "point 3"]
+    ) -> Float[Tensor, "point channel"]:
         # grid_sample works through one batch element per thread, so the points are cut in two
-        pieces = 2 if len(flat) % 2 == 0 and len(flat) > 1 else 1
-        coordinates = (2.0 * inside / extent - 1.0).flip(-1).reshape(pieces, -1, 1, 1, 3)
+        pieces = 2 if len(points) % 2 == 0 and len(points) > 1 else 1
+        # it wants coordinates in [-1, 1], the last axis of the field first
+        coordinates = (2.0 * (points - self.origin) / self._extent - 1.0).flip(-1)
         sampled = torch.nn.functional.grid_sample(
-            self.values.expand(pieces, 1, *self.values.shape),
-            coordinates,
+            field.expand(pieces, *field.shape),
+            coordinates.reshape(pieces, -1, 1, 1, 3),
             mode="bilinear",
             padding_mode="border",
             align_corners=True,
-        ).reshape(-1)
-        beyond = (local - inside).square().sum(-1)
-        outside = beyond > 0
-        extra = torch.where(outside, torch.where(outside, beyond, 1.0).sqrt(), 0.0)
-        return (sampled + extra).reshape(shape)
-
-    def normals(self, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3"]:
-        """Unit gradient of the distance: the outward normal of the nearest surface."""
-        with torch.enable_grad():
-            probe = points.detach().requires_grad_(True)
-            (gradient,) = torch.autograd.grad(self.distance(probe).sum(), probe)
-        return torch.nn.functional.normalize(gradient, dim=-1)
+        )
+        return sampled[..., 0, 0].transpose(1, 2).reshape(len(points), -1)
 
     def zero_surface(self) -> trimesh.Trimesh:
         """The closed surface at distance zero, by marching cubes; object frame, metres."""

@@ -23,9 +23,9 @@ DECOMPOSITION = Decomposition(gap_m=0.0008, max_parts=8)
 MAX_LINK_EXTENT_M = 2.0
 #: Samples taken per surface point kept, so that farthest-point sampling has a choice.
 OVERSAMPLING = 8
-#: Sphere covers: at most this many per part, none thinner than this share of the thickest.
-MAX_SPHERES_PER_PART = 4
-MIN_SPHERE_SHARE = 0.5
+#: Sphere covers: at most this many per link, none thinner than this share of the thickest.
+MAX_SPHERES_PER_LINK = 6
+MIN_SPHERE_SHARE = 0.4
 
 
 @dataclass(frozen=True)
@@ -147,7 +147,7 @@ def _primitive_mesh(shape: Shape) -> trimesh.Trimesh:
 
 def hand_surface(urdf: Urdf, parts: tuple[ConvexPart, ...], count: int, seed: int) -> Surface:
     """``count`` points on the outside of the union of each link's parts; cached on disk."""
-    key = content_hash("hand-surface-1", *_signature(urdf, parts), count, seed)
+    key = content_hash("hand-surface-2", *_signature(urdf, parts), count, seed)
     arrays = cached_arrays("surface", key, lambda: _sample(urdf, parts, count, seed))
     return Surface(arrays["points"], arrays["normals"], arrays["link_index"])
 
@@ -172,7 +172,7 @@ def _sample(
     all_points, all_index = np.concatenate(points), np.concatenate(index)
     # links side by side would share points if they were sampled in one frame
     spread = all_points + 10.0 * np.stack([all_index, 0 * all_index, 0 * all_index], -1)
-    chosen = farthest_points(spread, count)
+    chosen = _in_neighbourhoods(spread, farthest_points(spread, count))
     return {
         "points": all_points[chosen].astype(np.float32),
         "normals": np.concatenate(normals)[chosen].astype(np.float32),
@@ -180,30 +180,42 @@ def _sample(
     }
 
 
+def _in_neighbourhoods(points: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+    """Reorders indices so that near points follow each other (halving the widest axis)."""
+    if len(chosen) <= 2:
+        return chosen
+    axis = int(np.ptp(points[chosen], axis=0).argmax())
+    ordered = chosen[np.argsort(points[chosen, axis], kind="stable")]
+    half = len(chosen) // 2
+    return np.concatenate(
+        (_in_neighbourhoods(points, ordered[:half]), _in_neighbourhoods(points, ordered[half:]))
+    )
+
+
 def hand_spheres(urdf: Urdf, parts: tuple[ConvexPart, ...], seed: int = 0) -> Spheres:
     """Inscribed spheres of all parts; cached on disk."""
-    key = content_hash("hand-spheres-2", *_signature(urdf, parts), seed)
+    key = content_hash("hand-spheres-3", *_signature(urdf, parts), seed)
     arrays = cached_arrays("spheres", key, lambda: _inscribe(urdf, parts, seed))
     return Spheres(arrays["centers"], arrays["radii"], arrays["link_index"])
 
 
 def _inscribe(urdf: Urdf, parts: tuple[ConvexPart, ...], seed: int) -> dict[str, np.ndarray]:
-    links, rng = list(urdf.links), np.random.default_rng(seed)
+    rng = np.random.default_rng(seed)
     centers, radii, index = [], [], []
-    for part in parts:
-        low, high = part.mesh.bounds
-        candidates = rng.uniform(low, high, size=(4000, 3))
-        offsets = np.einsum("ij,ij->i", part.mesh.face_normals, part.mesh.triangles[:, 0])
-        depth = -(candidates @ part.mesh.face_normals.T - offsets).max(-1)
+    for number, link in enumerate(urdf.links):
+        meshes = [part.mesh for part in parts if part.link == link]
+        if not meshes:
+            continue
+        candidates, depth = _depths(meshes, rng)
         thickest = depth.max()
-        for _ in range(MAX_SPHERES_PER_PART):
+        for _ in range(MAX_SPHERES_PER_LINK):
             deepest = int(depth.argmax())
             radius = float(depth[deepest])
             if radius <= 0 or radius < MIN_SPHERE_SHARE * thickest:
                 break
             centers.append(candidates[deepest])
             radii.append(radius)
-            index.append(links.index(part.link))
+            index.append(number)
             # a candidate in the chosen sphere's core would add next to nothing
             distance = np.linalg.norm(candidates - candidates[deepest], axis=-1)
             depth = np.where(distance < radius, -1.0, depth)
@@ -212,6 +224,19 @@ def _inscribe(urdf: Urdf, parts: tuple[ConvexPart, ...], seed: int) -> dict[str,
         "radii": np.array(radii, np.float32),
         "link_index": np.array(index, np.int64),
     }
+
+
+def _depths(
+    meshes: list[trimesh.Trimesh], rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """Random points in the parts of one link, and how deep each lies in its part, metres."""
+    candidates, depths = [], []
+    for mesh in meshes:
+        points = rng.uniform(*mesh.bounds, size=(2000, 3))
+        offsets = np.einsum("ij,ij->i", mesh.face_normals, mesh.triangles[:, 0])
+        candidates.append(points)
+        depths.append(-(points @ mesh.face_normals.T - offsets).max(-1))
+    return np.concatenate(candidates), np.concatenate(depths)
 
 
 def _signature(urdf: Urdf, parts: tuple[ConvexPart, ...]) -> list[bytes | str]:

@@ -5,16 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-import yaml
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-from gdg.errors import GdgError, did_you_mean, raise_if_any
+from gdg.validation import validated
+from gdg.yaml_files import read_yaml_mapping
 
 MANIFEST = "hand.yaml"
-#: A manifest larger than this is refused unread (the largest of ours has 20 kB).
-MAX_MANIFEST_BYTES = 1_000_000
+#: A contact region smaller than this, m², has no direction (that of a fingertip has 10 mm²).
+MIN_REGION_AREA = 1e-8
 
 
 def _finite(value: float) -> float:
@@ -68,9 +68,9 @@ class Drive(_Section):
         force_limit: N m (N for a prismatic joint).
     """
 
-    stiffness: Annotated[float, Field(gt=0)] = 20.0
-    damping: Annotated[float, Field(ge=0)] = 1.0
-    force_limit: Annotated[float, Field(gt=0)] = 10.0
+    stiffness: Annotated[Finite, Field(gt=0)] = 20.0
+    damping: Annotated[Finite, Field(ge=0)] = 1.0
+    force_limit: Annotated[Finite, Field(gt=0)] = 10.0
 
 
 class Drives(_Section):
@@ -91,7 +91,19 @@ class Provenance(_Section):
     licence: str
 
 
-Region = tuple[Point, Point, Point, Point]
+def _area(corners: tuple[Point, Point, Point, Point]) -> tuple[Point, Point, Point, Point]:
+    first, second = (
+        tuple(b - a for a, b in zip(corners[i], corners[i + 2], strict=True)) for i in (0, 1)
+    )
+    cross = [first[i - 2] * second[i - 1] - first[i - 1] * second[i - 2] for i in range(3)]
+    if math.hypot(*cross) / 2 < MIN_REGION_AREA:
+        raise ValueError(
+            "the corners span no area; list them counter-clockwise as seen from outside"
+        )
+    return corners
+
+
+Region = Annotated[tuple[Point, Point, Point, Point], AfterValidator(_area)]
 
 
 class HandSpec(_Section):
@@ -159,41 +171,4 @@ def read_spec(folder: Path) -> HandSpec:
         GdgError: the file is missing, too large, no YAML, or breaks the schema.
     """
     path = folder / MANIFEST
-    try:
-        if path.stat().st_size > MAX_MANIFEST_BYTES:
-            raise GdgError(f"{path}: larger than {MAX_MANIFEST_BYTES} bytes.")
-        tree: Any = yaml.load(path.read_text(encoding="utf-8"), Loader=_NoAliases)
-    except (OSError, UnicodeDecodeError) as error:
-        raise GdgError(f"{path}: cannot be read: {error}") from error
-    except yaml.YAMLError as error:
-        raise GdgError(f"{path}: is no valid YAML: {' '.join(str(error).split())}") from error
-    if not isinstance(tree, dict):
-        raise GdgError(f"{path}: must be a mapping (name, urdf, root_link, palm, joints, …).")
-    try:
-        return HandSpec(**{str(key): value for key, value in tree.items()})
-    except ValidationError as error:
-        raise_if_any([f"{path}: {_sentence(detail)}" for detail in error.errors()])
-        raise
-
-
-def _sentence(detail: Any) -> str:
-    place = ".".join(str(part) for part in detail["loc"])
-    if detail["type"] == "missing":
-        return f"{place}: must be given."
-    if detail["type"] == "extra_forbidden":
-        return f"{place}: there is no such field.{did_you_mean(place, HandSpec.model_fields)}"
-    shown = repr(detail["input"])
-    shown = shown if len(shown) <= 60 else shown[:57] + "..."
-    return f"{place}: {detail['msg'].removeprefix('Value error, ')} (given: {shown})."
-
-
-class _NoAliases(yaml.SafeLoader):
-    """YAML without anchors and aliases, so that a small file can't grow into a large one."""
-
-    def compose_node(self, parent: Any, index: Any) -> Any:
-        if self.check_event(yaml.events.AliasEvent):
-            event = self.get_event()
-            raise yaml.composer.ComposerError(
-                None, None, "aliases (*name) are not allowed", event.start_mark
-            )
-        return super().compose_node(parent, index)
+    return validated(HandSpec, read_yaml_mapping(path), str(path))

@@ -2,24 +2,31 @@
 
 from __future__ import annotations
 
-import logging
 import math
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
-from io import BytesIO
 from pathlib import Path
+from xml.etree.ElementTree import Element
 
 import defusedxml
 import defusedxml.ElementTree
 import numpy as np
 import trimesh
-import yourdfpy
 
 from gdg.errors import GdgError, did_you_mean, raise_if_any
 
 #: A URDF larger than this is refused unread (the largest of ours has 60 kB).
 MAX_URDF_BYTES = 5_000_000
+#: More links, joints or shapes than these are no hand's (the largest of ours has 31 links).
+MAX_ELEMENTS = {"link": 500, "joint": 500, "collision": 2000, "visual": 2000}
 MOVING_TYPES = ("revolute", "continuous", "prismatic")
+#: Attributes of the primitives, with the numbers in each.
+SIZES = {
+    "box": (("size", 3),),
+    "cylinder": (("radius", 1), ("length", 1)),
+    "sphere": (("radius", 1),),
+}
 #: Range in radians given to continuous joints, which have none of their own.
 CONTINUOUS_RANGE = (-math.pi, math.pi)
 
@@ -112,14 +119,15 @@ def read_urdf(path: Path) -> Urdf:
     """
     robot = _parse(path, _read_bytes(path))
     mistakes: list[str] = []
-    links = {link.name: _link(link, mistakes) for link in robot.links}
-    joints = {joint.name: _joint(joint, mistakes) for joint in robot.joints}
-    mistakes += _duplicates("link", (link.name for link in robot.links))
-    mistakes += _duplicates("joint", (joint.name for joint in robot.joints))
+    link_list = [_link(element, mistakes) for element in robot.findall("link")]
+    joint_list = [_joint(element, mistakes) for element in robot.findall("joint")]
+    mistakes += _duplicates("link", (link.name for link in link_list))
+    mistakes += _duplicates("joint", (joint.name for joint in joint_list))
+    links, joints = {link.name: link for link in link_list}, {j.name: j for j in joint_list}
     mistakes += _reference_mistakes(links, joints)
     raise_if_any([f"{path}: {mistake}" for mistake in mistakes])
     root, ordered = _tree_order(path, links, joints)
-    return Urdf(path, robot.name or path.stem, links, ordered, root)
+    return Urdf(path, robot.get("name") or path.stem, links, ordered, root)
 
 
 def _read_bytes(path: Path) -> bytes:
@@ -131,7 +139,7 @@ def _read_bytes(path: Path) -> bytes:
         raise GdgError(f"{path}: cannot be read: {error.strerror or error}") from error
 
 
-def _parse(path: Path, data: bytes) -> yourdfpy.Robot:
+def _parse(path: Path, data: bytes) -> Element:
     try:
         root = defusedxml.ElementTree.fromstring(data, forbid_dtd=True)
     except defusedxml.DefusedXmlException as error:
@@ -139,123 +147,186 @@ def _parse(path: Path, data: bytes) -> yourdfpy.Robot:
             f"{path}: the XML declares entities or a document type, which gdg refuses."
         ) from error
     except (defusedxml.ElementTree.ParseError, ValueError, LookupError) as error:
-        raise GdgError(f"{path}: is no well-formed XML: {error}") from error
+        raise GdgError(f"{path}: is no well-formed XML: {error}.") from error
     if root.tag != "robot":
         raise GdgError(f"{path}: is no URDF: the outermost element is <{root.tag}>, not <robot>.")
-    logging.getLogger("yourdfpy").setLevel(logging.ERROR)
-    try:
-        return yourdfpy.URDF.load(
-            BytesIO(data), build_scene_graph=False, load_meshes=False, mesh_dir=""
-        ).robot
-    except (ValueError, TypeError, KeyError, AttributeError, IndexError) as error:
-        raise GdgError(f"{path}: is no valid URDF: {' '.join(str(error).split())}") from error
+    counts = Counter(element.tag for element in root.iter())
+    if any("xacro" in tag for tag in counts):
+        raise GdgError(
+            f"{path}: is a xacro template, not a URDF. Expand it first: xacro FILE > hand.urdf"
+        )
+    for tag, most in MAX_ELEMENTS.items():
+        if counts[tag] > most:
+            raise GdgError(f"{path}: {counts[tag]} <{tag}> elements, no plausible hand.")
+    return root
 
 
-def _link(link: yourdfpy.Link, mistakes: list[str]) -> Link:
-    mass = float(link.inertial.mass or 0.0) if link.inertial else 0.0
-    if not math.isfinite(mass) or mass < 0:
-        mistakes.append(f"link '{link.name}': mass {mass} is no positive finite number.")
+# -- elements: each reader appends its complaints and goes on ---------------------------------
+
+
+def _link(element: Element, mistakes: list[str]) -> Link:
+    name = _name(element, mistakes)
+    where = f"link '{name}'"
+    (mass,) = _numbers(element.find("inertial/mass"), "value", (0.0,), where, mistakes)
+    if mass < 0:
+        mistakes.append(f"{where}: mass {mass:g} is negative.")
     return Link(
-        link.name,
-        tuple(_shape(link.name, "collision", c, mistakes) for c in link.collisions),
-        tuple(_shape(link.name, "visual", v, mistakes) for v in link.visuals),
+        name,
+        tuple(_shape(e, f"{where}: collision", mistakes) for e in element.findall("collision")),
+        tuple(_shape(e, f"{where}: visual", mistakes) for e in element.findall("visual")),
         mass,
     )
 
 
-def _shape(link: str, role: str, element: yourdfpy.Collision, mistakes: list[str]) -> Shape:
-    geometry, origin = element.geometry, _pose(element.origin)
-    where = f"link '{link}': {role}:"
-    if not np.isfinite(origin).all():
-        mistakes.append(f"{where} its origin is not finite.")
-    if geometry is not None and geometry.box is not None:
-        return _sized("box", geometry.box.size, origin, where, mistakes)
-    if geometry is not None and geometry.cylinder is not None:
-        size = (geometry.cylinder.radius, geometry.cylinder.length)
-        return _sized("cylinder", size, origin, where, mistakes)
-    if geometry is not None and geometry.sphere is not None:
-        return _sized("sphere", (geometry.sphere.radius,), origin, where, mistakes)
-    if geometry is not None and geometry.mesh is not None and geometry.mesh.filename:
-        scale = geometry.mesh.scale
-        scale = (1.0, 1.0, 1.0) if scale is None else scale
-        scale = (scale,) * 3 if isinstance(scale, (int, float)) else tuple(scale)
-        if not np.isfinite(scale).all() or 0.0 in scale:
-            mistakes.append(f"{where} mesh scale {scale} must be finite and not zero.")
-        return Shape("mesh", tuple(map(float, scale)), origin, geometry.mesh.filename)
-    mistakes.append(f"{where} has no box, cylinder, sphere or mesh.")
+def _shape(element: Element, where: str, mistakes: list[str]) -> Shape:
+    origin = _origin(element, where, mistakes)
+    for child in element.findall("geometry/*"):
+        if child.tag == "mesh":
+            return _mesh(child, origin, where, mistakes)
+        if child.tag in SIZES:
+            size: tuple[float, ...] = ()
+            for attribute, count in SIZES[child.tag]:
+                size += _numbers(child, attribute, None, where, mistakes, count)
+            if min(size) <= 0:
+                mistakes.append(f"{where}: a {child.tag} of size {size} must be positive.")
+            return Shape(child.tag, size, origin)
+    mistakes.append(f"{where}: has no box, cylinder, sphere or mesh.")
     return Shape("sphere", (0.0,), origin)
 
 
-def _sized(
-    kind: str, size: Iterable[float], origin: np.ndarray, where: str, mistakes: list[str]
-) -> Shape:
-    values = tuple(float(value) for value in size)
-    if not all(math.isfinite(value) and value > 0 for value in values):
-        mistakes.append(f"{where} {kind} of size {values} must be finite and positive.")
-    return Shape(kind, values, origin)
+def _mesh(element: Element, origin: np.ndarray, where: str, mistakes: list[str]) -> Shape:
+    filename = element.get("filename", "")
+    if not filename:
+        mistakes.append(f'{where}: a mesh needs filename="…".')
+    single = len(element.get("scale", "").split()) == 1
+    default, count = ((1.0,), 1) if single else ((1.0, 1.0, 1.0), 3)
+    scale = _numbers(element, "scale", default, where, mistakes, count)
+    if 0.0 in scale:
+        mistakes.append(f"{where}: mesh scale {scale} must not be zero.")
+    return Shape("mesh", scale * 3 if single else scale, origin, filename)
 
 
-def _joint(joint: yourdfpy.Joint, mistakes: list[str]) -> Joint:
-    where = f"joint '{joint.name}':"
-    if joint.type not in (*MOVING_TYPES, "fixed"):
-        mistakes.append(f"{where} type '{joint.type}' is not supported (use {MOVING_TYPES}).")
-    lower, upper, effort = _limits(joint, where, mistakes)
-    axis = np.array([1.0, 0.0, 0.0]) if joint.axis is None else np.asarray(joint.axis, float)
+def _joint(element: Element, mistakes: list[str]) -> Joint:
+    name, kind = _name(element, mistakes), element.get("type", "")
+    where = f"joint '{name}'"
+    if kind not in (*MOVING_TYPES, "fixed"):
+        known = ", ".join((*MOVING_TYPES, "fixed"))
+        mistakes.append(f"{where}: type '{kind}' is not supported (use one of {known}).")
+    lower, upper, effort = _limits(element, kind, where, mistakes)
+    axis = np.array(_numbers(element.find("axis"), "xyz", (1.0, 0.0, 0.0), where, mistakes, 3))
     norm = float(np.linalg.norm(axis))
-    if joint.type in MOVING_TYPES and not (math.isfinite(norm) and norm > 1e-6):
-        mistakes.append(f"{where} axis {axis.tolist()} must be finite and not zero.")
-        norm = 1.0
-    origin = _pose(joint.origin)
-    if not np.isfinite(origin).all():
-        mistakes.append(f"{where} its origin is not finite.")
-    mimic = None
-    if joint.mimic is not None and joint.type != "fixed":
-        factor = 1.0 if joint.mimic.multiplier is None else float(joint.mimic.multiplier)
-        mimic = Mimic(joint.mimic.joint, factor, float(joint.mimic.offset or 0.0))
+    if kind in MOVING_TYPES and norm <= 1e-6:
+        mistakes.append(f"{where}: its axis must not be zero.")
     return Joint(
-        joint.name, joint.type, joint.parent, joint.child, origin, axis / (norm or 1.0),
-        lower, upper, effort, mimic,
+        name, kind, _end(element, "parent", where, mistakes), _end(element, "child", where, mistakes),
+        _origin(element, where, mistakes), axis / (norm or 1.0), lower, upper, effort,
+        _mimic(element, kind, where, mistakes),
     )  # fmt: skip
 
 
-def _limits(joint: yourdfpy.Joint, where: str, mistakes: list[str]) -> tuple[float, float, float]:
-    if joint.type not in MOVING_TYPES:
+def _mimic(element: Element, kind: str, where: str, mistakes: list[str]) -> Mimic | None:
+    mimic = element.find("mimic")
+    if mimic is None or kind == "fixed":
+        return None
+    (multiplier,) = _numbers(mimic, "multiplier", (1.0,), where, mistakes)
+    (offset,) = _numbers(mimic, "offset", (0.0,), where, mistakes)
+    return Mimic(mimic.get("joint", ""), multiplier, offset)
+
+
+def _limits(
+    element: Element, kind: str, where: str, mistakes: list[str]
+) -> tuple[float, float, float]:
+    if kind not in MOVING_TYPES:
         return math.nan, math.nan, 0.0
-    limit = joint.limit
-    effort = float(limit.effort or 0.0) if limit is not None else 0.0
-    if joint.type == "continuous":
+    limit = element.find("limit")
+    (effort,) = _numbers(limit, "effort", (0.0,), where, mistakes)
+    if effort < 0:
+        mistakes.append(f"{where}: effort {effort:g} is negative.")
+    if kind == "continuous":
         return *CONTINUOUS_RANGE, effort
-    if limit is None or limit.lower is None or limit.upper is None:
-        mistakes.append(f"{where} a {joint.type} joint needs <limit lower=… upper=…>.")
+    if limit is None or limit.get("lower") is None or limit.get("upper") is None:
+        mistakes.append(f"{where}: a {kind} joint needs <limit lower=… upper=…>.")
         return 0.0, 0.0, effort
-    lower, upper = float(limit.lower), float(limit.upper)
-    if not (math.isfinite(lower) and math.isfinite(upper)):
-        mistakes.append(f"{where} limits [{lower}, {upper}] must be finite.")
-    elif lower > upper:
-        mistakes.append(f"{where} lower limit {lower:g} is above the upper limit {upper:g}.")
+    (lower,) = _numbers(limit, "lower", None, where, mistakes)
+    (upper,) = _numbers(limit, "upper", None, where, mistakes)
+    if lower > upper:
+        mistakes.append(f"{where}: lower limit {lower:g} is above the upper limit {upper:g}.")
     return lower, upper, effort
+
+
+def _name(element: Element, mistakes: list[str]) -> str:
+    name = element.get("name", "")
+    if not name.strip() or not name.isprintable():
+        mistakes.append(f"a {element.tag} has no name, or one that can't be printed: {name!r}.")
+    return name
+
+
+def _end(element: Element, role: str, where: str, mistakes: list[str]) -> str:
+    end = element.find(role)
+    link = end.get("link", "") if end is not None else ""
+    if not link:
+        mistakes.append(f"{where}: has no <{role} link=…>.")
+    return link
+
+
+def _origin(element: Element, where: str, mistakes: list[str]) -> np.ndarray:
+    """The pose that an element's ``<origin>`` gives; the identity where there is none."""
+    origin, zero = element.find("origin"), (0.0, 0.0, 0.0)
+    pose = trimesh.transformations.euler_matrix(*_numbers(origin, "rpy", zero, where, mistakes, 3))
+    pose[:3, 3] = _numbers(origin, "xyz", zero, where, mistakes, 3)
+    return pose
+
+
+def _numbers(
+    element: Element | None,
+    attribute: str,
+    default: tuple[float, ...] | None,
+    where: str,
+    mistakes: list[str],
+    count: int = 1,
+) -> tuple[float, ...]:
+    """``count`` finite numbers from an attribute, or the default (None: it must be given)."""
+    text = None if element is None else element.get(attribute)
+    if element is None or (text is None and default is not None):
+        return default or (1.0,) * count
+    try:
+        values = tuple(float(word) for word in (text or "").replace(",", " ").split())
+    except ValueError:
+        values = ()
+    if len(values) == count and all(map(math.isfinite, values)):
+        return values
+    wanted = "a finite number" if count == 1 else f"{count} finite numbers"
+    given = "nothing" if text is None else f"'{text[:60]}'"
+    mistakes.append(f"{where}: <{element.tag}> needs {attribute}=… with {wanted}, not {given}.")
+    return default or (1.0,) * count
+
+
+# -- the tree -------------------------------------------------------------------------------
 
 
 def _reference_mistakes(links: dict[str, Link], joints: dict[str, Joint]) -> Iterable[str]:
     parents: dict[str, str] = {}
     for joint in joints.values():
         for role, link in (("parent", joint.parent), ("child", joint.child)):
-            if link not in links:
-                hint = did_you_mean(str(link), links)
+            if link and link not in links:
+                hint = did_you_mean(link, links)
                 yield f"joint '{joint.name}': {role} link '{link}' does not exist.{hint}"
         if joint.child in parents:
             other = parents[joint.child]
             yield f"link '{joint.child}' is the child of two joints, '{other}' and '{joint.name}'."
         parents[joint.child] = joint.name
-        if joint.mimic is None:
-            continue
-        if joint.mimic.joint not in joints:
-            hint = did_you_mean(joint.mimic.joint, joints)
-            yield f"joint '{joint.name}': mimics '{joint.mimic.joint}', unknown.{hint}"
-        elif not (math.isfinite(joint.mimic.multiplier) and math.isfinite(joint.mimic.offset)):
-            yield f"joint '{joint.name}': mimic multiplier and offset must be finite."
-        elif _mimics_in_circles(joint, joints):
-            yield f"joint '{joint.name}': mimics itself in a circle."
+        if joint.mimic is not None:
+            yield from _mimic_mistakes(joint, joint.mimic.joint, joints)
+
+
+def _mimic_mistakes(joint: Joint, master: str, joints: dict[str, Joint]) -> Iterable[str]:
+    if master not in joints:
+        hint = did_you_mean(master, joints)
+        yield f"joint '{joint.name}': mimics '{master}', which does not exist.{hint}"
+    elif joints[master].type not in MOVING_TYPES:
+        yield f"joint '{joint.name}': mimics '{master}', which does not move."
+    elif _mimics_in_circles(joint, joints):
+        yield f"joint '{joint.name}': mimics itself in a circle."
 
 
 def _mimics_in_circles(joint: Joint, joints: dict[str, Joint]) -> bool:
@@ -269,13 +340,15 @@ def _mimics_in_circles(joint: Joint, joints: dict[str, Joint]) -> bool:
 
 
 def _duplicates(what: str, names: Iterable[str]) -> list[str]:
-    listed = list(names)
-    return [f"{what} '{n}' is defined twice." for n in sorted(set(listed)) if listed.count(n) > 1]
+    counts = Counter(names)
+    return [f"{what} '{name}' is defined twice." for name, count in counts.items() if count > 1]
 
 
 def _tree_order(
     path: Path, links: dict[str, Link], joints: dict[str, Joint]
 ) -> tuple[str, dict[str, Joint]]:
+    if not links:
+        raise GdgError(f"{path}: has no <link>.")
     children = {joint.child for joint in joints.values()}
     roots = [link for link in links if link not in children]
     if len(roots) != 1:
@@ -293,10 +366,6 @@ def _tree_order(
         lost = next(name for name in joints if name not in ordered)
         raise GdgError(f"{path}: joint '{lost}' hangs on no link of the tree (a loop).")
     return roots[0], ordered
-
-
-def _pose(matrix: np.ndarray | None) -> np.ndarray:
-    return np.eye(4) if matrix is None else np.asarray(matrix, dtype=np.float64)
 
 
 def _quoted(name: str) -> str:

@@ -62,6 +62,10 @@ class Distance(ABC):
         rewritten in another.
         """
 
+    @abstractmethod
+    def of_gap(self, gap: Float[Tensor, "*shape"]) -> Float[Tensor, "*shape"]:
+        """Distance of a hand point straight out along the normal, ``gap`` metres away."""
+
     def sharpen(self, values: Float[Tensor, "*shape"]) -> Float[Tensor, "*shape"]:
         """Contact values with contacts made definite, as the source prescribes; default: as is."""
         return values

@@ -43,12 +43,20 @@ class ContactRegions:
 
 @dataclass(frozen=True)
 class CollisionSpheres:
-    """Inscribed spheres and the pairs of them that must not overlap."""
+    """Inscribed spheres, and how far apart the centres of two must stay.
+
+    Attributes:
+        centers: link frames, metres.
+        radii: metres.
+        link_index: into ``HandModel.link_names``.
+        reach: sum of the radii of pairs that must not overlap, each pair once (upper triangle);
+            −∞-like (−1 m) for all others.
+    """
 
     centers: Float[Tensor, "sphere 3"]
     radii: Float[Tensor, "sphere"]
     link_index: Int[Tensor, "sphere"]
-    pairs: Int[Tensor, "pair 2"]
+    reach: Float[Tensor, "sphere sphere"]
 
 
 class HandModel(ABC):
@@ -159,9 +167,11 @@ class HandModel(ABC):
         """Summed overlap of inscribed spheres of links that must not touch, metres."""
         spheres = self.spheres
         centers = self.place(Ts_world_link, spheres.centers, spheres.link_index)
-        first, second = spheres.pairs.T
-        gap = (centers[:, first] - centers[:, second]).square().sum(-1).add(1e-12).sqrt()
-        return torch.relu(spheres.radii[first] + spheres.radii[second] - gap).sum(-1)
+        squared = centers.square().sum(-1)
+        # |a|² + |b|² − 2 a·b by a matrix product: rounding is about 1e-8 m², 0.1 mm at contact
+        gap = squared[:, :, None] + squared[:, None] - 2 * centers @ centers.mT
+        overlap = spheres.reach - gap.clamp(min=1e-8).sqrt()
+        return torch.relu(overlap).sum((-1, -2))
 
     @property
     def spheres(self) -> CollisionSpheres:
@@ -208,15 +218,17 @@ class HandModel(ABC):
         apart: Bool[Tensor, "sphere sphere"] = allowed[link][:, link].triu(1)
         rest = torch.stack((self.open_posture, (self.lower + self.upper) / 2))
         placed = self.place(self.link_poses_in_root(rest), centers, link)
-        touching = torch.cdist(placed, placed) < radii[:, None] + radii[None, :]
-        pairs = (apart & ~touching.any(0)).nonzero()
-        return CollisionSpheres(centers, radii, link, pairs)
+        summed = radii[:, None] + radii[None, :]
+        touching = (torch.cdist(placed, placed) < summed).any(0)
+        reach = torch.where(apart & ~touching, summed, torch.full_like(summed, -1.0))
+        return CollisionSpheres(centers, radii, link, reach)
 
 
 def _per_point(
     Ts_world_link: Float[Tensor, "batch link 4 4"], link_index: Int[Tensor, "*batch point"]
 ) -> Float[Tensor, "batch point 4 4"]:
+    # index_select and gather have far cheaper backward passes than advanced indexing
     if link_index.ndim == 1:
-        return Ts_world_link[:, link_index]
-    rows = torch.arange(len(Ts_world_link), device=link_index.device)[:, None]
-    return Ts_world_link[rows, link_index]
+        return torch.index_select(Ts_world_link, 1, link_index)
+    spread = link_index[..., None, None].expand(-1, -1, 4, 4)
+    return torch.gather(Ts_world_link, 1, spread)

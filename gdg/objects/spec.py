@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal
 
-import yaml
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-from gdg.errors import GdgError
+from gdg.validation import validated
+from gdg.yaml_files import read_yaml_mapping
 
 MANIFEST = "object.yaml"
 
@@ -37,24 +37,16 @@ class ObjectSpec(BaseModel):
     title: str = ""
     mesh: Annotated[str, AfterValidator(_inside_folder)]
     split: Literal["train", "test"]
-    thin_shell: Annotated[float, Field(gt=0)] | None = None
+    thin_shell: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
     source: str
     licence: str
 
 
 def read_object_spec(folder: Path) -> ObjectSpec:
-    """Reads and validates ``object.yaml``.
+    """Reads and validates ``object.yaml``; says every mistake at once.
 
     Raises:
-        GdgError: the file can't be read, is no YAML or breaks the schema.
+        GdgError: the file is missing, too large, no YAML, or breaks the schema.
     """
     path = folder / MANIFEST
-    try:
-        tree = yaml.safe_load(path.read_text(encoding="utf-8"))
-        return ObjectSpec(**tree)
-    except (OSError, UnicodeDecodeError, TypeError, yaml.YAMLError) as error:
-        raise GdgError(f"{path}: cannot be read: {' '.join(str(error).split())}") from error
-    except ValidationError as error:
-        first = error.errors()[0]
-        place = ".".join(str(part) for part in first["loc"])
-        raise GdgError(f"{path}: {place}: {first['msg']}") from error
+    return validated(ObjectSpec, read_yaml_mapping(path), str(path))

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Annotated, Literal
 
-import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
 from gdg.errors import GdgError, did_you_mean
+from gdg.validation import validated
+from gdg.yaml_files import read_yaml_mapping
 
 FOLDER = Path(__file__).parent
 Positive = Annotated[float, Field(gt=0)]
@@ -16,7 +18,7 @@ NotNegative = Annotated[float, Field(ge=0)]
 
 
 class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class Start(_Section):
@@ -44,9 +46,9 @@ class Refinement(_Section):
     """The contact-aware refinement that gives the drives a target inside the object.
 
     Attributes:
-        step: ``none``; ``gradient``: one gradient step of size ``size`` (paper); ``sign``: every
-            joint that moves a contact turns by ``size`` (the release's single Adam step).
-        size: step size of the mode.
+        step: ``none``; ``gradient``: one step down the gradient (paper); ``sign``: every joint
+            that moves a contact moves equally (the release's single Adam step).
+        size: how far the joint that moves most moves, rad (m for prismatic joints).
         reach_m: hand points nearer to the object than this are moved, metres.
         depth_m: how far inside the surface their targets lie, metres.
     """
@@ -161,14 +163,7 @@ def load_protocol(name: str) -> Protocol:
     """
     path = FOLDER / f"{name}.yaml"
     if name not in protocol_names():
-        path = Path(name).expanduser()
-        if path.suffix != ".yaml" or not path.is_file():
+        path = Path(os.path.expanduser(name))
+        if path.suffix not in (".yaml", ".yml") or not path.is_file():
             raise GdgError(f"Unknown protocol '{name}'.{did_you_mean(name, protocol_names())}")
-    try:
-        return Protocol(**yaml.safe_load(path.read_text(encoding="utf-8")))
-    except (OSError, TypeError, yaml.YAMLError) as error:
-        raise GdgError(f"{path}: cannot be read: {' '.join(str(error).split())}") from error
-    except ValidationError as error:
-        first = error.errors()[0]
-        place = ".".join(str(part) for part in first["loc"])
-        raise GdgError(f"{path}: {place}: {first['msg']}") from error
+    return validated(Protocol, read_yaml_mapping(path), str(path))

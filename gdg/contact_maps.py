@@ -1,0 +1,74 @@
+"""Contact maps of grasps, and maps rewritten from one distance into another."""
+
+from __future__ import annotations
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from gdg.data.contact_map import ContactMap
+from gdg.data.grasps import GraspSet
+from gdg.errors import GdgError
+from gdg.kinds.distance import Distance
+from gdg.kinds.hand_model import HandModel
+from gdg.objects.model import ObjectModel
+from gdg.registry import get_registry
+
+#: Grasps whose maps are computed at once; bounds the memory.
+BATCH = 64
+
+
+@torch.no_grad()
+def contact_map_of(
+    hand: HandModel, obj: ObjectModel, q: Float[Tensor, "grasp dof"], distance: Distance
+) -> ContactMap:
+    """The maps that a hand in the poses q makes on an object, one row per grasp."""
+    rows = []
+    for batch in q.to(hand.device).split(BATCH):
+        found = distance.to_hand(obj.points, obj.normals, hand.surface_points(batch))
+        rows.append(distance.contact_value(found.distance))
+    values = torch.cat(rows) if rows else torch.zeros(0, len(obj.points))
+    return ContactMap(obj.name, values, distance.label)
+
+
+def contact_maps_of_grasps(
+    hand: HandModel, obj: ObjectModel, grasps: GraspSet, distance: Distance
+) -> ContactMap:
+    """The maps of stored grasps; joints are matched by name, whatever their order.
+
+    Raises:
+        GdgError: the hand has other joints or another root link than the grasps were made with.
+    """
+    made_with = f"the grasps of '{grasps.hand}' on '{grasps.object_name}'"
+    if grasps.root_link != hand.hand.spec.root_link:
+        raise GdgError(
+            f"{made_with} give the pose of link '{grasps.root_link}', but the root link of "
+            f"'{hand.hand.name}' is '{hand.hand.spec.root_link}'; use the hand folder that they "
+            f"were made with."
+        )
+    if sorted(grasps.joint_names) != sorted(hand.joint_names):
+        raise GdgError(
+            f"{made_with} have the joints {', '.join(grasps.joint_names)}, but "
+            f"'{hand.hand.name}' has {', '.join(hand.joint_names)}; use the hand folder that they "
+            f"were made with."
+        )
+    columns = [grasps.joint_names.index(name) for name in hand.joint_names]
+    return contact_map_of(hand, obj, hand.q_of(grasps, grasps.joints[:, columns]), distance)
+
+
+def in_distance(maps: ContactMap, distance: Distance) -> Float[Tensor, "map object_point"]:
+    """The values of maps as ``distance`` would have made them.
+
+    Maps of the same distance come back as they are. Others are rewritten through the gap, in
+    metres along the normal, at which each value arises; that is exact for aligned points.
+
+    Raises:
+        GdgError: the maps name a distance that no plugin provides.
+    """
+    if maps.distance == distance.label:
+        return maps.values
+    name, _, preset = maps.distance.partition("/")
+    record = get_registry().find("distance", name)
+    options = {"preset": preset} if "preset" in record.options.model_fields else {}
+    source: Distance = record.load()(record.options(**options))
+    return distance.contact_value(distance.of_gap(source.aligned_gap(maps.values)))

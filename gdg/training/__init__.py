@@ -1,0 +1,1 @@
+"""Training of contact-map generators on grasp datasets."""

@@ -1,0 +1,115 @@
+"""Grasp synthesis by differentiable force closure (GenDexGrasp, Section III-A)."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import torch
+from torch import Tensor
+
+from gdg.data.grasps import GraspSet
+from gdg.energies import penetration_depth
+from gdg.errors import GdgError
+from gdg.initial_poses import above_surface
+from gdg.kinds.fitter import Progress
+from gdg.kinds.hand_model import HandModel
+from gdg.kinds.planner import Planner
+from gdg.objects.model import ObjectModel
+from gdg.rotations import ROOT_DIM, root_pose
+
+from .energy import GraspEnergy
+from .mala import Mala
+from .options import DfcOptions
+
+
+class DfcPlanner(Planner):
+    """Samples grasps by MALA and keeps those that meet every threshold, lowest energy first."""
+
+    options: DfcOptions
+
+    def __init__(self, options: DfcOptions):
+        super().__init__(options)
+
+    def plan(
+        self,
+        hand: HandModel,
+        obj: ObjectModel,
+        count: int,
+        generator: torch.Generator,
+        progress: Progress | None = None,
+    ) -> GraspSet:
+        """At most ``count`` accepted grasps; see the interface.
+
+        Raises:
+            GdgError: the hand has no contact regions.
+        """
+        if len(hand.regions.corners) == 0:
+            raise GdgError(f"hand '{hand.hand.name}': planner dfc needs contact_regions.")
+        energy = GraspEnergy(hand, obj, self.options)
+        found: list[tuple[Tensor, dict[str, Tensor]]] = []
+        rejected: Counter[str] = Counter()
+        acceptance = []
+        for batch in range(self.options.max_batches):
+            mala = Mala(energy, self.options, generator)
+            start = above_surface(hand, obj, self.options.batch, generator)
+
+            def report(step: int, batch: int = batch) -> None:
+                if progress is not None:
+                    done = batch * self.options.steps + step
+                    progress(done, self.options.max_batches * self.options.steps)
+
+            q, contacts = mala.run(start, report)
+            q = hand.clamp(q)
+            found.append(self._accepted(energy, q, contacts, rejected))
+            acceptance.append(mala.accepted / max(1, mala.proposed))
+            if sum(len(q) for q, _ in found) >= count:
+                break
+        rate = sum(acceptance) / len(acceptance)
+        return self._grasps(hand, obj, found, count, rejected, rate)
+
+    @torch.no_grad()
+    def _accepted(
+        self, energy: GraspEnergy, q: Tensor, contacts, rejected: Counter[str]
+    ) -> tuple[Tensor, dict[str, Tensor]]:
+        hand, obj, o = energy.hand, energy.obj, self.options
+        terms = energy.terms(q, contacts)
+        depth = penetration_depth(obj, hand.surface_points(q))
+        tests = {
+            "not finite": ~torch.isfinite(q).all(-1),
+            "contact off the surface": terms.contact_distances.amax(-1) > o.max_distance_m,
+            "penetration": depth > o.max_penetration_m,
+            "self-penetration": terms.self_penetration > o.max_self_m,
+            "no force closure": terms.force_closure > o.max_force_closure,
+        }
+        good = torch.ones(len(q), dtype=torch.bool, device=q.device)
+        for reason, failed in tests.items():
+            rejected[reason] += int((good & failed).sum())
+            good &= ~failed
+        energies = {
+            "total": energy.total(terms),
+            "force_closure": terms.force_closure,
+            "distance": terms.distance,
+            "normals": terms.normals,
+            "penetration": terms.penetration,
+            "penetration_depth_mm": 1000 * depth,
+            "self_penetration": terms.self_penetration,
+            "limits": terms.limits,
+        }
+        return q[good].cpu(), {name: values[good].cpu() for name, values in energies.items()}
+
+    def _grasps(self, hand, obj, found, count, rejected, acceptance) -> GraspSet:
+        q = torch.cat([q for q, _ in found])
+        energies = {name: torch.cat([e[name] for _, e in found]) for name in found[0][1]}
+        best = energies["total"].argsort()[:count]
+        q = q[best]
+        return GraspSet(
+            hand=hand.hand.name,
+            object_name=obj.name,
+            joint_names=hand.joint_names,
+            root_link=hand.hand.spec.root_link,
+            poses=root_pose(q),
+            joints=q[:, ROOT_DIM:],
+            energies={name: values[best] for name, values in energies.items()},
+            status=("converged",) * len(best),
+            provenance={"rejected": dict(rejected), "acceptance_rate": acceptance},
+        )

@@ -1,0 +1,183 @@
+"""The hand as a PhysX articulation with a fixed root."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import trimesh
+
+from gdg.hands.hand import Hand
+from gdg.hands.urdf import Joint
+from gdg.protocols import Protocol
+
+from .engine import Surface, part_shape, physx, pose_from_matrix, sapien
+from .mass import link_mass
+from .options import SapienOptions
+
+#: PhysX's way of saying that a drive has no force limit.
+UNLIMITED = float(np.finfo(np.float32).max)
+JOINT_TYPES = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
+
+
+@dataclass(frozen=True)
+class Body:
+    """One rigid body of the hand: links that fixed joints join.
+
+    Attributes:
+        joint: the moving joint that carries it; None for the root body.
+        parent: index of the parent body, -1 for the root body.
+        T_parent_body: pose in the parent body at joint value zero.
+        Ts_body_link: pose of every link of this body, by name.
+    """
+
+    joint: Joint | None
+    parent: int
+    T_parent_body: np.ndarray
+    Ts_body_link: dict[str, np.ndarray]
+
+
+def hand_bodies(hand: Hand) -> list[Body]:
+    """The hand's rigid bodies, parents before children; the frame of a body is its first link's."""
+    bodies = [Body(None, -1, np.eye(4), {hand.urdf.root: np.eye(4)})]
+    of_link = {hand.urdf.root: 0}
+    for joint in hand.urdf.joints.values():
+        parent = of_link[joint.parent]
+        T_parent_child = bodies[parent].Ts_body_link[joint.parent] @ joint.T_parent_child
+        if joint.type == "fixed":
+            of_link[joint.child] = parent
+            bodies[parent].Ts_body_link[joint.child] = T_parent_child
+        else:
+            of_link[joint.child] = len(bodies)
+            bodies.append(Body(joint, parent, T_parent_child, {joint.child: np.eye(4)}))
+    return bodies
+
+
+class HandArticulation:
+    """A hand in a PhysX scene: all moving joints have drives, mimic and passive ones included.
+
+    Mimic joints follow by targets of their own rather than by PhysX constraints, which become
+    unstable together with drives.
+
+    Args:
+        hand: the hand.
+        surface: friction and offsets of its shapes.
+        protocol: gives drive gains (or leaves them to the hand) and the depenetration speed.
+        options: solver iterations and force-limit policy.
+        scene: the scene it is added to.
+    """
+
+    def __init__(
+        self,
+        hand: Hand,
+        surface: Surface,
+        protocol: Protocol,
+        options: SapienOptions,
+        scene: sapien.Scene,
+    ):
+        self.hand = hand
+        self.bodies = hand_bodies(hand)
+        self._entities: list[sapien.Entity] = []  # links don't keep their entities alive
+        self.links = self._make_links(surface, protocol)
+        self._articulation = self.links[0].articulation
+        for entity in self._entities:
+            scene.add_entity(entity)
+        self._articulation.sleep_threshold = 0.0
+        self._articulation.solver_position_iterations = options.position_iterations
+        self._articulation.solver_velocity_iterations = options.velocity_iterations
+        self._set_drives(protocol, options)
+        names = [joint.name for joint in self._articulation.active_joints]
+        #: Positions in ``Hand.moving_joints`` of PhysX's joints, in its order.
+        self._order = [[j.name for j in hand.moving_joints].index(name) for name in names]
+
+    def _make_links(
+        self, surface: Surface, protocol: Protocol
+    ) -> list[physx.PhysxArticulationLinkComponent]:
+        links: list[physx.PhysxArticulationLinkComponent] = []
+        for body in self.bodies:
+            parent = links[body.parent] if body.joint is not None else None
+            link = physx.PhysxArticulationLinkComponent(parent)
+            entity = sapien.Entity()
+            entity.add_component(link)
+            self._entities.append(entity)
+            meshes = self._attach_shapes(link, body, surface)
+            mass = sum(self.hand.urdf.links[name].mass for name in body.Ts_body_link)
+            link_mass(mass, meshes).apply(link)
+            link.disable_gravity = True
+            link.max_depenetration_velocity = protocol.start.max_depenetration_velocity
+            link.name = next(iter(body.Ts_body_link))
+            self._set_joint(link.joint, body)
+            links.append(link)
+        return links
+
+    def _attach_shapes(
+        self, link: physx.PhysxArticulationLinkComponent, body: Body, surface: Surface
+    ) -> list[trimesh.Trimesh]:
+        """Attaches the body's parts and returns them in its frame."""
+        meshes = []
+        for part in self.hand.parts:
+            if part.link in body.Ts_body_link:
+                T_body_link = body.Ts_body_link[part.link]
+                link.attach(part_shape(part, T_body_link, surface))
+                meshes.append(part.mesh.copy().apply_transform(T_body_link))
+        return meshes
+
+    def _set_joint(self, made: physx.PhysxArticulationJoint, body: Body) -> None:
+        if body.joint is None:
+            made.type = "fixed"
+            return
+        # PhysX turns and slides along the x axis of the joint's frame
+        T_child_joint = trimesh.geometry.align_vectors([1, 0, 0], body.joint.axis)
+        made.name = body.joint.name
+        made.type = JOINT_TYPES[body.joint.type]
+        made.pose_in_child = pose_from_matrix(T_child_joint)
+        made.pose_in_parent = pose_from_matrix(body.T_parent_body @ T_child_joint)
+        made.limit = np.array(self._limits(body.joint), np.float32)
+        made.friction = 0.0
+
+    def _limits(self, joint: Joint) -> tuple[float, float]:
+        """The joint's limits, widened where its master's range takes a mimic joint beyond them."""
+        if joint.name in self.hand.spec.joints:
+            return joint.lower, joint.upper
+        matrix, offset = self.hand.coupling
+        row = self.hand.moving_joints.index(joint)
+        ends = np.outer(matrix[row], [1, 1]) * np.array(self.hand.limits()).T
+        low, high = ends.min(1).sum() + offset[row], ends.max(1).sum() + offset[row]
+        return min(joint.lower, low), max(joint.upper, high)
+
+    def _set_drives(self, protocol: Protocol, options: SapienOptions) -> None:
+        for joint in self._articulation.active_joints:
+            own = self.hand.spec.drives.of(joint.name)
+            gains = protocol.drive or own
+            limited = protocol.drive is None or options.force_limits
+            limit = own.force_limit if limited else UNLIMITED
+            joint.set_drive_properties(gains.stiffness, gains.damping, limit, "force")
+
+    @property
+    def dof(self) -> int:
+        """Number of moving joints."""
+        return len(self._order)
+
+    def place(self, T_world_root: np.ndarray, moving: np.ndarray, targets: np.ndarray) -> None:
+        """Puts the hand at rest somewhere; joint values of all moving joints, rad or m."""
+        self._articulation.set_root_pose(pose_from_matrix(T_world_root))
+        self.set_state(moving[self._order], np.zeros(self.dof))
+        for joint, row in zip(self._articulation.active_joints, self._order, strict=True):
+            joint.set_drive_target(float(targets[row]))
+
+    def state(self) -> tuple[np.ndarray, np.ndarray]:
+        """Joint positions and velocities, in PhysX's order."""
+        return self._articulation.get_qpos().copy(), self._articulation.get_qvel().copy()
+
+    def set_state(self, qpos: np.ndarray, qvel: np.ndarray) -> None:
+        """Sets what ``state`` gives."""
+        self._articulation.set_qpos(qpos.astype(np.float32))
+        self._articulation.set_qvel(qvel.astype(np.float32))
+
+    def link_poses(self) -> dict[str, np.ndarray]:
+        """T_world_link of every link of the hand, by name."""
+        poses = {}
+        for body, link in zip(self.bodies, self.links, strict=True):
+            T_world_body = link.entity_pose.to_transformation_matrix()
+            poses |= {name: T_world_body @ T for name, T in body.Ts_body_link.items()}
+        return poses

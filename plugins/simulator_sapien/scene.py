@@ -1,0 +1,184 @@
+"""A hand and an object in one PhysX scene, reused for all grasps of the pair."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gdg.hands.hand import Hand
+from gdg.objects.model import ObjectModel
+from gdg.protocols import Protocol
+
+from .articulation import HandArticulation
+from .engine import Surface, new_scene, object_shape, physx, sapien
+from .mass import object_mass
+from .options import SapienOptions
+
+#: Where things are put that must not touch anything, metres along x.
+FAR_AWAY = 10.0
+#: Hand and object touch where a contact point is nearer than this (metres) or carries load.
+TOUCHING_GAP = 1e-5
+
+
+@dataclass(frozen=True)
+class ObjectState:
+    """Where the object is and how it moves, in the world.
+
+    Attributes:
+        center: centre of mass, metres.
+        quat_wxyz: orientation.
+        linear: velocity of the centre of mass, m/s.
+        angular: rad/s.
+    """
+
+    center: np.ndarray
+    quat_wxyz: np.ndarray
+    linear: np.ndarray
+    angular: np.ndarray
+
+    @property
+    def finite(self) -> bool:
+        """Whether no value is NaN or infinite."""
+        values = (self.center, self.quat_wxyz, self.linear, self.angular)
+        return all(bool(np.isfinite(v).all()) for v in values)
+
+    def displacement_from(self, other: ObjectState) -> float:
+        """Distance of the two centres of mass, metres."""
+        return float(np.linalg.norm(self.center - other.center))
+
+    def rotation_from(self, other: ObjectState) -> float:
+        """Angle between the two orientations, rad."""
+        sign = 1.0 if self.quat_wxyz @ other.quat_wxyz >= 0 else -1.0
+        # |q - p| = 2 sin(angle / 4): unlike the arccos form exact for small angles
+        chord = float(np.linalg.norm(self.quat_wxyz - sign * other.quat_wxyz))
+        return 4.0 * float(np.arcsin(min(1.0, chord / 2)))
+
+
+@dataclass(frozen=True)
+class Touch:
+    """Contact of hand and object: whether they touch and the largest overlap, metres."""
+
+    touching: bool
+    overlap: float
+
+
+class GraspScene:
+    """One hand, one object, one protocol; cooked once, reset for every trial.
+
+    Args:
+        hand: the hand.
+        obj: the object; its frame is the world frame at the start of a trial.
+        protocol: timestep, friction, density, damping and drives.
+        options: the simulator's options.
+    """
+
+    def __init__(self, hand: Hand, obj: ObjectModel, protocol: Protocol, options: SapienOptions):
+        self._scene, self._system = new_scene(protocol.timestep_ms / 1000.0)
+        surface = Surface.of_friction(protocol.friction, options.contact_offset_m)
+        self.hand = HandArticulation(hand, surface, protocol, options, self._scene)
+        self.body = self._make_object(obj, surface, protocol, options)
+        self._coupling = hand.coupling
+
+    def _make_object(
+        self, obj: ObjectModel, surface: Surface, protocol: Protocol, options: SapienOptions
+    ) -> physx.PhysxRigidDynamicComponent:
+        body = physx.PhysxRigidDynamicComponent()
+        for mesh in obj.convex_parts:
+            body.attach(object_shape(mesh, surface))
+        object_mass(obj, protocol.body.density).apply(body)
+        body.linear_damping = protocol.body.linear_damping
+        body.angular_damping = protocol.body.angular_damping
+        body.max_depenetration_velocity = protocol.start.max_depenetration_velocity
+        body.disable_gravity = True
+        body.sleep_threshold = 0.0
+        body.solver_position_iterations = options.position_iterations
+        body.solver_velocity_iterations = options.velocity_iterations
+        entity = sapien.Entity()
+        entity.add_component(body)
+        self._scene.add_entity(entity)
+        return body
+
+    def reset(self, T_object_root: np.ndarray, joints: np.ndarray, targets: np.ndarray) -> None:
+        """Starts a trial: everything at rest, the object's frame in the world's.
+
+        Args:
+            T_object_root: pose of the hand's root, metres.
+            joints: actuated joints, rad or m.
+            targets: what the drives aim at, same order and units.
+        """
+        moving, goals = self._all_joints(joints), self._all_joints(targets)
+        # a step apart makes PhysX forget the contacts and friction anchors of the last trial
+        self._place_object(sapien.Pose([FAR_AWAY, 0, 0]))
+        self.hand.place(T_object_root, moving, moving)
+        self._system.step()
+        self._place_object(sapien.Pose())
+        self.hand.place(T_object_root, moving, goals)
+
+    def reset_alone(self) -> None:
+        """Starts a trial in which the object floats free of the hand."""
+        away = np.eye(4)
+        away[0, 3] = -FAR_AWAY
+        nowhere = np.zeros(self._coupling[0].shape[1])
+        self.reset(away, nowhere, nowhere)
+
+    def _all_joints(self, actuated: np.ndarray) -> np.ndarray:
+        matrix, offset = self._coupling
+        return matrix @ actuated + offset
+
+    def _place_object(self, pose: sapien.Pose) -> None:
+        self.body.entity.pose = pose
+        self.body.linear_velocity = np.zeros(3, np.float32)
+        self.body.angular_velocity = np.zeros(3, np.float32)
+
+    def step(self, count: int, acceleration: np.ndarray | None = None) -> None:
+        """Simulates ``count`` steps under a force of acceleration (m/s²) × mass at the centre."""
+        step, push = self._system.step, self.body.add_force_torque
+        if acceleration is None:
+            for _ in range(count):
+                step()
+            return
+        force, torque = np.asarray(acceleration, np.float32), np.zeros(3, np.float32)
+        for _ in range(count):
+            push(force, torque, "acceleration")
+            step()
+
+    def object_state(self) -> ObjectState:
+        """The object now."""
+        pose = self.body.entity.pose
+        return ObjectState(
+            (pose * self.body.cmass_local_pose).p.astype(np.float64),
+            pose.q.astype(np.float64),
+            self.body.linear_velocity.astype(np.float64),
+            self.body.angular_velocity.astype(np.float64),
+        )
+
+    def touch(self) -> Touch:
+        """Contact of hand and object in the last step."""
+        overlap, touching = 0.0, False
+        for contact in self._system.get_contacts():
+            for point in contact.points:
+                overlap = max(overlap, -point.separation)
+                loaded = bool(np.any(point.impulse))
+                touching |= loaded or point.separation <= TOUCHING_GAP
+        return Touch(touching, overlap)
+
+    def save(self) -> Snapshot:
+        """The state of hand and object, velocities included."""
+        return Snapshot(self.hand.state(), self.body.entity.pose, self.object_state())
+
+    def restore(self, snapshot: Snapshot) -> None:
+        """Returns to a saved state."""
+        self._place_object(snapshot.pose)
+        self.body.linear_velocity = snapshot.object_state.linear.astype(np.float32)
+        self.body.angular_velocity = snapshot.object_state.angular.astype(np.float32)
+        self.hand.set_state(*snapshot.joints)
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """What ``GraspScene.restore`` needs."""
+
+    joints: tuple[np.ndarray, np.ndarray]
+    pose: sapien.Pose
+    object_state: ObjectState
