@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import logging
+import struct
 from pathlib import Path
 
+import collada
+import defusedxml
+import defusedxml.ElementTree
 import numpy as np
 import trimesh
 
@@ -12,14 +17,21 @@ from gdg.errors import GdgError
 #: Meshes beyond these are refused unread or undigested: a hand or object needs far less.
 MAX_MESH_BYTES = 200_000_000
 MAX_FACES = 1_000_000
+MAX_COORDINATE = 1e6
 MESH_SUFFIXES = (".stl", ".obj", ".ply", ".off", ".dae")
+#: What the parsers of the mesh formats raise on hostile bytes: anything that isn't a signal.
+PARSER_ERRORS = (
+    ArithmeticError, AssertionError, AttributeError, BufferError, EOFError, ImportError,
+    LookupError, MemoryError, NameError, OSError, RuntimeError, SyntaxError, TypeError, ValueError,
+    collada.common.DaeError, struct.error, trimesh.exchange.stl.HeaderError,
+)  # fmt: skip
 
 
 def load_mesh(path: Path) -> trimesh.Trimesh:
     """One triangle mesh from a file, vertices merged, in the file's own units.
 
     Raises:
-        GdgError: missing, too large, no mesh format, empty, or not finite.
+        GdgError: missing, too large, no mesh format, empty, flat to a line, or not finite.
     """
     if not path.is_file():
         raise GdgError(f"{path}: there is no such mesh file.")
@@ -35,22 +47,36 @@ def load_mesh(path: Path) -> trimesh.Trimesh:
             f"{path}: {len(mesh.faces):,} faces, more than {MAX_FACES:,}; decimate it first "
             f"(20,000 are plenty for grasping)."
         )
-    if not np.isfinite(mesh.vertices).all():
-        raise GdgError(f"{path}: the mesh has vertices that are not finite numbers.")
-    if float(np.ptp(mesh.vertices, axis=0).max()) <= 0.0:
-        raise GdgError(f"{path}: all vertices of the mesh coincide.")
+    vertices, faces = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64)
+    if faces.min() < 0 or faces.max() >= len(vertices):
+        raise GdgError(f"{path}: a face names a vertex that does not exist.")
+    used, index = np.unique(faces, return_inverse=True)
+    vertices, faces = vertices[used], index.reshape(faces.shape)
+    if not (np.abs(vertices) < MAX_COORDINATE).all():  # false for NaN, too
+        raise GdgError(f"{path}: the mesh has vertices that are not finite, or absurdly far away.")
+    # a new mesh, so that vertices are merged by position alone, across texture seams
+    mesh = trimesh.Trimesh(vertices, faces, process=True)
+    if not mesh.area > 0.0:
+        raise GdgError(f"{path}: the mesh has no area: its vertices coincide or lie on a line.")
     return mesh
 
 
 def _parse(path: Path) -> trimesh.Trimesh:
-    # trimesh's loaders raise whatever their format's parser raises, on hostile bytes anything
+    logger = logging.getLogger("trimesh")
+    level = logger.level
+    logger.setLevel(logging.CRITICAL)  # what it would log is in the error below
     try:
+        if path.suffix.lower() == ".dae":  # its parser would expand entities
+            defusedxml.ElementTree.parse(path, forbid_dtd=True)
         loaded = trimesh.load(
-            path, force="mesh", skip_materials=True, resolver=_NoResolver(), process=True
+            path, force="mesh", skip_materials=True, resolver=_NoResolver(), process=False
         )
-    except (ValueError, TypeError, KeyError, IndexError, OSError, AttributeError, ImportError,
-            NotImplementedError, AssertionError, MemoryError, SyntaxError) as error:  # fmt: skip
+    except defusedxml.DefusedXmlException as error:
+        raise GdgError(f"{path}: the XML declares entities, which gdg refuses.") from error
+    except PARSER_ERRORS as error:
         raise GdgError(f"{path}: cannot be read as a mesh: {_one_line(error)}") from error
+    finally:
+        logger.setLevel(level)
     if not isinstance(loaded, trimesh.Trimesh):
         raise GdgError(f"{path}: holds no triangle mesh.")
     return loaded

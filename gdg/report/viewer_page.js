@@ -79,6 +79,8 @@ const number = (value, digits = 1) => (value === null || value === undefined ? "
 const millimetres = (metres, digits = 1) => (metres === null || metres === undefined ? "-" : `${number(1000 * metres, digits)} mm`);
 const degrees = (radians) => (radians === null ? "-" : `${number((180 / Math.PI) * radians)}°`);
 
+const largest = (values) => (values.includes(null) || !values.length ? null : Math.max(...values));
+
 function chip(grasp) {
   if (!grasp.verdict) return make("span", "not simulated", "chip unknown");
   return grasp.verdict.success ? make("span", "pass", "chip pass") : make("span", grasp.verdict.failure || "fail", "chip fail");
@@ -103,12 +105,12 @@ function facts(pairs) {
 }
 
 function verdictParts(verdict) {
-  const largest = Math.max(...verdict.displacement_m.map((value) => value || 0), 1e-9);
+  const longest = Math.max(...verdict.displacement_m.map((value) => value || 0), 1e-9);
   const passes = verdict.shift_successes.filter(Boolean).length;
   return [
     make("div", `${verdict.protocol} · ${verdict.engine}${verdict.refined ? " · refined" : ""}`, "faint"),
     facts([
-      ["moved, at most", millimetres(Math.max(...verdict.displacement_m.map((value) => value ?? Infinity)))],
+      ["moved, at most", millimetres(largest(verdict.displacement_m))],
       ["without a hand it moves", millimetres(verdict.free_displacement_m, 0)],
       ["drift while closing", millimetres(verdict.drift_m)],
       ["penetration before", `${number(verdict.penetration_start_mm, 2)} mm`],
@@ -117,7 +119,7 @@ function verdictParts(verdict) {
     ]),
     make("h2", "Push directions"),
     table(["push", "", "moved", "rotated", "held"], verdict.displacement_m.map((value, i) => [
-      data.directions[i] ?? String(i), gauge(0, (value || 0) / largest), millimetres(value),
+      data.directions[i] ?? String(i), gauge(0, (value || 0) / longest), millimetres(value),
       degrees(verdict.rotation_rad[i] ?? null), verdict.contact_kept[i] ? "yes" : "no",
     ])),
   ];
@@ -163,7 +165,7 @@ function choose(index) {
 
 function listEntry(grasp, index) {
   const entry = make("button", "", "", make("span", `#${grasp.index}`, "number"), chip(grasp));
-  if (grasp.verdict) entry.append(make("span", millimetres(Math.max(...grasp.verdict.displacement_m.map((v) => v ?? Infinity))), "note"));
+  if (grasp.verdict) entry.append(make("span", millimetres(largest(grasp.verdict.displacement_m)), "note"));
   entry.type = "button";
   entry.addEventListener("click", () => choose(index));
   return entry;
@@ -198,7 +200,6 @@ function buildControls() {
   const mapped = data.grasps.some((grasp) => grasp.contact_values);
   if (mapped) addToggle("c", "map", "Contact map");
   byId("scale").hidden = !mapped;
-  if (!mapped) byId("scale").style.display = "none";
   addToggle("p", "points", "Contact points");
   addToggle("g", "grid", "Grid");
   button("views", "View A", "key a", (keys.a = () => lookFrom(0)));
@@ -234,6 +235,7 @@ function start() {
   });
   if (data.grasps.length) choose(0);
   else {
+    byId("steps").hidden = byId("views").hidden = true;
     say("no grasp found");
     showDetails();
     lookFrom(0);

@@ -1,0 +1,76 @@
+"""The ``gdg`` command. Light: each subcommand's module is imported when it is used."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+
+import click
+
+import gdg
+from gdg.errors import GdgError
+
+#: Subcommand -> "module:command", in the order of ``gdg --help``.
+COMMANDS = {
+    "grasp": ("gdg.cli.grasp:grasp", "Plan and test grasps of one object with one hand."),
+    "eval": ("gdg.cli.evaluate:evaluate", "Test a grid of hands, objects and settings."),
+    "synth": ("gdg.cli.synth:synth", "Synthesise a dataset of force-closure grasps."),
+    "train": ("gdg.cli.train:train", "Train a contact-map generator on a dataset."),
+    "hands": ("gdg.cli.hands:hands", "List and show hands."),
+    "objects": ("gdg.cli.objects:objects", "List and show objects."),
+    "plugins": ("gdg.cli.plugins:plugins", "List components, plugins and what is broken."),
+}
+
+
+class LazyGroup(click.Group):
+    """A group whose commands are imported on use."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Names in the order of ``COMMANDS``."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Imports one command."""
+        if cmd_name not in COMMANDS:
+            return None
+        module, _, attribute = COMMANDS[cmd_name][0].partition(":")
+        return getattr(importlib.import_module(module), attribute)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Lists the commands without importing them."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, summary) for name, (_, summary) in COMMANDS.items()])
+
+
+@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(gdg.__version__, prog_name="gdg")
+def cli() -> None:
+    """Generalizable dexterous grasping: any robot hand, any object.
+
+    Settings are written key=value: component=name swaps a component, component.option=value sets
+    one of its options, and commas sweep. For example:
+
+    \b
+      gdg grasp hand=allegro object=mug n=16
+      gdg grasp hand=./my_hand object=part.stl fitter.particles=64
+      gdg eval hand=allegro,barrett object=test distance=aligned,euclidean
+    """
+
+
+def main() -> None:
+    """Entry point: a user's mistake is one clear message on stderr and exit code 2."""
+    try:
+        cli(standalone_mode=False)
+    except GdgError as error:
+        for line in str(error).splitlines():
+            click.echo(f"Error: {line}", err=True)
+        sys.exit(2)
+    except click.ClickException as error:
+        error.show()
+        sys.exit(2)
+    except OSError as error:
+        click.echo(f"Error: {error.filename or 'file system'}: {error.strerror or error}", err=True)
+        sys.exit(2)
+    except (KeyboardInterrupt, click.Abort):
+        click.echo("Interrupted: what was finished before is kept.", err=True)
+        sys.exit(130)

@@ -1,0 +1,42 @@
+"""``gdg grasp``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from gdg.cli.settings import configs_from, single, takes_settings
+from gdg.pipeline.jobs import DEFAULTS, GraspJob
+
+
+@click.command()
+@takes_settings(GraspJob, DEFAULTS)
+def grasp(settings: tuple[str, ...], files: tuple[Path, ...]) -> None:
+    """Plan grasps of one object with one hand, test them in simulation, draw them.
+
+    Writes grasps.json (named joints, 4x4 poses, verdicts), config.yaml, grasps.png and
+    report.html into the run folder.
+    """
+    config = single(configs_from(GraspJob, DEFAULTS, files, settings))
+    from rich.console import Console
+
+    from gdg.cli.progress import BarStages, bars
+    from gdg.pipeline.grasp import run_grasp
+    from gdg.report.table import summary_line, verdict_table
+
+    with bars() as progress:
+        run = run_grasp(config, BarStages(progress))
+    console = Console()
+    if len(run.grasps) == 0:
+        reasons = run.grasps.provenance.get("rejected", {})
+        counted = ", ".join(f"{n} × {why}" for why, n in reasons.items() if n) or "no candidates"
+        console.print(f"No grasp found ({counted}).", markup=False)
+    else:
+        console.print(verdict_table(run.grasps))
+        console.print(summary_line(run.grasps), markup=False)
+    for note in run.grasps.provenance.get("object_notes", ()):
+        console.print(f"Note on {run.grasps.object_name}: {note}.", markup=False)
+    for name in ("grasps.json", "config.yaml", "grasps.png", "report.html"):
+        if (run.folder / name).exists():
+            console.print(f"  {run.folder / name}", markup=False, soft_wrap=True)

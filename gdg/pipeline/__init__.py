@@ -1,0 +1,1 @@
+"""The main jobs: plan and test grasps, evaluate grids, synthesise datasets."""

@@ -1,0 +1,244 @@
+"""``gdg eval``: a grid of hands, objects and settings, each cell planned and tested."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import math
+import statistics
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import torch
+import yaml
+
+from gdg.cache import content_hash
+from gdg.config import RunConfig
+from gdg.data.atomic import write_text_atomically
+from gdg.data.grasps import GraspSet, load_grasps
+from gdg.errors import GdgError
+from gdg.metrics import joint_diversity, wilson_interval
+from gdg.pipeline.jobs import EvalJob
+from gdg.pipeline.pair import Pair, generator_for
+from gdg.pipeline.workers import limit_threads
+
+
+@dataclass(frozen=True)
+class Row:
+    """Summary of the cells that share every setting but the object (and the seed).
+
+    Attributes:
+        settings: the settings that distinguish the rows of this evaluation.
+        protocol: label of the protocol.
+        objects: number of objects.
+        n: grasps tested.
+        successes: grasps that passed.
+        interval: 95 % Wilson interval of the success rate.
+        stable: share of grasps whose verdict was the same in all shifted trials.
+        diversity_rad: joint standard deviation of the passing grasps, over all objects.
+        penetration_mm: median initial penetration.
+        seconds: mean time per grasp, by stage.
+        failures: reason -> count.
+    """
+
+    settings: dict[str, str]
+    protocol: str
+    objects: int
+    n: int
+    successes: int
+    interval: tuple[float, float]
+    stable: float
+    diversity_rad: float
+    penetration_mm: float
+    seconds: dict[str, float]
+    failures: dict[str, int]
+
+
+def run_eval(
+    configs: Sequence[RunConfig], report: Callable[[int, int, str], None] | None = None
+) -> tuple[list[Row], Path]:
+    """Runs every cell that has no result yet, and summarises all.
+
+    Results lie in ``out/cells/KEY/grasps.json``, KEY being the hash of the cell's resolved config;
+    a cell that is complete is not run again. A cell that fails with a ``GdgError`` leaves the
+    others alone and is raised at the end.
+
+    Args:
+        configs: one per cell.
+        report: called with (cells done, cells in all, what was just finished).
+    """
+    job: EvalJob = configs[0].job
+    folder = Path(job.out)
+    pending = [config for config in configs if not _finished(folder, config)]
+    done, errors = len(configs) - len(pending), []
+    tell = report or (lambda *_: None)
+    tell(done, len(configs), "")
+    for config, error in _run_cells(pending, job.workers):
+        done += 1
+        if error is not None:
+            errors.append(error)
+        tell(done, len(configs), f"{config.job.hand} · {config.job.object}")
+    if errors:
+        raise GdgError("\n".join(dict.fromkeys(errors)))
+    rows = summarise([(config, load_grasps(_cell(folder, config))) for config in configs])
+    write_text_atomically(
+        folder / "summary.json", json.dumps([asdict(row) for row in rows], indent=1) + "\n"
+    )
+    write_text_atomically(folder / "summary.md", markdown(rows))
+    return rows, folder
+
+
+def _run_cells(
+    configs: Sequence[RunConfig], workers: int
+) -> Iterable[tuple[RunConfig, str | None]]:
+    if workers == 1 or len(configs) <= 1:
+        for config in configs:
+            yield config, run_cell(config)
+        return
+    with ProcessPoolExecutor(
+        workers, mp_context=get_context("spawn"), initializer=limit_threads, initargs=(workers,)
+    ) as pool:
+        futures = {pool.submit(run_cell, config): config for config in configs}
+        for future in as_completed(futures):
+            yield futures[future], future.result()
+
+
+def run_cell(config: RunConfig) -> str | None:
+    """Plans and tests one cell; gives the sentence of a user's mistake, or None."""
+    path = _cell(Path(config.job.out), config)
+    try:
+        pair = Pair.load(config)
+        grasps = pair.plan(config.job.n, generator_for(config.job.seed))
+        if len(grasps):
+            grasps = pair.simulate(grasps)
+    except GdgError as error:
+        return str(error)
+    text = yaml.safe_dump(config.as_tree(), sort_keys=False)
+    write_text_atomically(path.parent / "config.yaml", text)
+    grasps.save(path)
+    return None
+
+
+def _cell(folder: Path, config: RunConfig) -> Path:
+    tree = config.as_tree()
+    for key in ("out", "workers"):
+        tree.pop(key)
+    return folder / "cells" / content_hash(json.dumps(tree, sort_keys=True))[:16] / "grasps.json"
+
+
+def _finished(folder: Path, config: RunConfig) -> bool:
+    return _cell(folder, config).is_file()
+
+
+def summarise(cells: Sequence[tuple[RunConfig, GraspSet]]) -> list[Row]:
+    """One row per combination of settings, objects and seeds pooled."""
+    trees = [_flat(config.as_tree()) for config, _ in cells]
+    pooled = {"object", "seed", "out", "workers"}
+    varying = [k for k in trees[0] if len({t.get(k) for t in trees}) > 1 and k not in pooled]
+    keys = [k for k in dict.fromkeys(["hand", *varying]) if k not in pooled]
+    groups: dict[tuple[str, ...], list[int]] = {}
+    for index, tree in enumerate(trees):
+        groups.setdefault(tuple(_short(tree.get(k, "")) for k in keys), []).append(index)
+    return [
+        _row(dict(zip(keys, values, strict=True)), [cells[i][1] for i in members])
+        for values, members in groups.items()
+    ]
+
+
+def _row(settings: dict[str, str], sets: list[GraspSet]) -> Row:
+    verdicts = [verdict for grasps in sets for verdict in grasps.verdicts]
+    n, successes = len(verdicts), sum(verdict.success for verdict in verdicts)
+    failures: dict[str, int] = {}
+    for verdict in verdicts:
+        if verdict.failure:
+            failures[verdict.failure] = failures.get(verdict.failure, 0) + 1
+    seconds: dict[str, float] = {}
+    for grasps in sets:
+        for stage, value in grasps.provenance.get("seconds", {}).items():
+            seconds[stage] = seconds.get(stage, 0.0) + value / max(1, n)
+    return Row(
+        settings=settings,
+        protocol=verdicts[0].protocol if verdicts else "",
+        objects=len({grasps.object_name for grasps in sets}),
+        n=n,
+        successes=successes,
+        interval=wilson_interval(successes, n),
+        stable=sum(verdict.stable for verdict in verdicts) / max(1, n),
+        diversity_rad=_pooled_diversity(sets),
+        penetration_mm=_median_penetration(sets),
+        seconds=seconds,
+        failures=failures,
+    )
+
+
+def _pooled_diversity(sets: list[GraspSet]) -> float:
+    tested = [grasps for grasps in sets if grasps.verdicts]
+    if not tested:
+        return math.nan
+    first = tested[0]
+    pooled = GraspSet(
+        first.hand,
+        "all",
+        first.joint_names,
+        first.root_link,
+        torch.cat([grasps.poses for grasps in tested]),
+        torch.cat([grasps.joints for grasps in tested]),
+        verdicts=tuple(itertools.chain.from_iterable(grasps.verdicts for grasps in tested)),
+    )
+    return joint_diversity(pooled)
+
+
+def _median_penetration(sets: list[GraspSet]) -> float:
+    depths = [v.penetration_start_mm for grasps in sets for v in grasps.verdicts]
+    return statistics.median(depths) if depths else math.nan
+
+
+def _flat(tree: dict[str, Any], prefix: str = "") -> dict[str, str]:
+    flat: dict[str, str] = {}
+    for key, value in tree.items():
+        if isinstance(value, dict):
+            flat.update(_flat(value, f"{prefix}{key}."))
+        else:
+            flat[f"{prefix}{key}".removesuffix(".name")] = str(value)
+    return flat
+
+
+def _short(value: str) -> str:
+    return Path(value).stem if "/" in value else value
+
+
+#: Titles of the columns after the settings.
+COLUMNS = (
+    "protocol", "objects", "n", "success %", "95 %", "stable %", "diversity rad",
+    "penetration mm", "plan s", "simulate s",
+)  # fmt: skip
+
+
+def markdown(rows: Sequence[Row]) -> str:
+    """The summary as a Markdown table."""
+    header = [*rows[0].settings, *COLUMNS]
+    lines = ["| " + " | ".join(header) + " |", "|" + " --- |" * len(header)]
+    lines += ["| " + " | ".join(cells(row)) + " |" for row in rows]
+    return "\n".join(lines) + "\n"
+
+
+def cells(row: Row) -> list[str]:
+    """The values of one row as text, in the order of the tables."""
+    low, high = row.interval
+    return [
+        *row.settings.values(),
+        row.protocol,
+        str(row.objects),
+        str(row.n),
+        f"{100 * row.successes / max(1, row.n):.1f}",
+        f"{100 * low:.0f}–{100 * high:.0f}",
+        f"{100 * row.stable:.0f}",
+        f"{row.diversity_rad:.3f}",
+        f"{row.penetration_mm:.2f}",
+        f"{row.seconds.get('plan', math.nan):.2f}",
+        f"{row.seconds.get('simulate', math.nan):.2f}",
+    ]

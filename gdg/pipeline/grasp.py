@@ -1,0 +1,71 @@
+"""``gdg grasp``: from a hand and an object to tested grasps in a run folder."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import yaml
+
+from gdg.config import RunConfig
+from gdg.data.atomic import write_text_atomically
+from gdg.data.grasps import GraspSet
+from gdg.kinds.fitter import Progress
+from gdg.pipeline.jobs import GraspJob
+from gdg.pipeline.pair import Pair, generator_for
+
+
+@dataclass(frozen=True)
+class GraspRun:
+    """What a run gave.
+
+    Attributes:
+        grasps: with verdicts unless ``simulate=false``.
+        folder: where ``grasps.json``, ``config.yaml`` and the pictures lie.
+    """
+
+    grasps: GraspSet
+    folder: Path
+
+
+class Stages:
+    """Receives the progress of each stage; this one ignores it. See ``gdg.cli.progress``."""
+
+    def stage(self, name: str) -> Progress:
+        """Starts a stage and gives the callback that reports on it."""
+        return lambda done, total: None
+
+
+def run_grasp(config: RunConfig, stages: Stages | None = None) -> GraspRun:
+    """Plans, simulates and reports; every file is complete as soon as it exists.
+
+    ``grasps.json`` is written after planning and again with the verdicts, so that an interrupted
+    run keeps what it had.
+    """
+    stages = stages or Stages()
+    job: GraspJob = config.job
+    pair = Pair.load(config)
+    folder = Path(job.out or f"runs/grasp/{pair.hand.hand.name}-{pair.obj.name}-seed{job.seed}")
+    folder.mkdir(parents=True, exist_ok=True)
+    config_text = yaml.safe_dump(config.as_tree(), sort_keys=False)
+    write_text_atomically(folder / "config.yaml", config_text)
+    grasps = pair.plan(job.n, generator_for(job.seed), stages.stage("planning"))
+    grasps.save(folder / "grasps.json")
+    if job.simulate and len(grasps):
+        grasps = pair.simulate(grasps, stages.stage("simulating"))
+        grasps.save(folder / "grasps.json")
+    _draw(pair, grasps, folder, config_text, stages)
+    return GraspRun(grasps, folder)
+
+
+def _draw(pair: Pair, grasps: GraspSet, folder: Path, config_text: str, stages: Stages) -> None:
+    job: GraspJob = pair.config.job
+    if job.picture:
+        from gdg.report.contact_sheet import contact_sheet  # heavy: pulls in VTK
+
+        stages.stage("drawing")(0, 1)
+        contact_sheet(pair.hand, pair.obj, grasps, folder / "grasps.png")
+    if job.report:
+        from gdg.report.html import html_report
+
+        html_report(pair.hand, pair.obj, grasps, folder / "report.html", config_text)

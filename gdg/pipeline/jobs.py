@@ -1,0 +1,95 @@
+"""What each command takes. Light: imports nothing heavy."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from gdg.config import JobConfig
+
+#: Config key of a kind -> the component used unless another is named.
+DEFAULTS = {
+    "hand_model": "pytorch-kinematics",
+    "distance": "aligned",
+    "generator": "cvae",
+    "fitter": "adam",
+    "planner": "contact-map",
+    "simulator": "sapien",
+}
+#: Data synthesis needs no contact maps.
+SYNTH_DEFAULTS = {**DEFAULTS, "planner": "dfc"}
+
+Count = Annotated[int, Field(ge=1, le=1_000_000)]
+
+
+class PairJob(JobConfig):
+    """One hand, one object.
+
+    Attributes:
+        hand: name or folder of the hand.
+        object: name, folder or mesh file of the object.
+        object_scale: factor from the mesh's unit to metres; 0.001 for millimetres.
+        n: how many grasps.
+        seed: of every random choice.
+        device: ``cpu`` or ``cuda``; simulation always runs on the CPU.
+        protocol: name of a stability protocol, or a YAML file with one.
+        refine: close the hand by the protocol's contact-aware refinement.
+    """
+
+    hand: str
+    object: str
+    object_scale: Annotated[float, Field(gt=0)] = 1.0
+    n: Count = 8
+    seed: int = 0
+    device: Annotated[str, Field(pattern=r"^(cpu|cuda(:\d+)?)$")] = "cpu"
+    protocol: str = "dro-2024"
+    refine: bool = True
+
+
+class GraspJob(PairJob):
+    """What ``gdg grasp`` takes.
+
+    Attributes:
+        simulate: test the grasps in simulation.
+        out: run folder; by default ``runs/grasp/HAND-OBJECT-seedN``.
+        picture: write the contact sheet ``grasps.png``.
+        report: write the interactive ``report.html``.
+    """
+
+    simulate: bool = True
+    out: str = ""
+    picture: bool = True
+    report: bool = True
+
+
+class EvalJob(PairJob):
+    """What ``gdg eval`` takes; commas in any value span the grid.
+
+    Attributes:
+        out: folder of the evaluation.
+        workers: processes that share the cells.
+    """
+
+    out: str = "runs/eval"
+    workers: Annotated[int, Field(ge=1, le=256)] = 1
+
+
+class SynthJob(PairJob):
+    """What ``gdg synth`` takes; commas span the hands and objects.
+
+    Attributes:
+        n: passing grasps wanted per hand-object pair.
+        shard: candidates planned per shard, the unit that is lost at most when a run is killed.
+        max_shards: give a pair up after this many shards.
+        keep_failed: store grasps that fail the simulation too.
+        out: folder of the dataset.
+        workers: processes that share the shards.
+    """
+
+    n: Count = 100
+    shard: Annotated[int, Field(ge=1)] = 128
+    max_shards: Annotated[int, Field(ge=1)] = 20
+    keep_failed: bool = False
+    out: str = "runs/synth"
+    workers: Annotated[int, Field(ge=1, le=256)] = 1

@@ -1,0 +1,113 @@
+"""Builds what one hand-object job needs, and runs its two stages: plan, then simulate."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from typing import Any
+
+import torch
+
+import gdg
+from gdg.assemble import Assembler
+from gdg.config import RunConfig
+from gdg.data.grasps import GraspSet
+from gdg.errors import GdgError
+from gdg.hands.hand import find_hand
+from gdg.kinds.fitter import Progress
+from gdg.kinds.hand_model import HandModel
+from gdg.objects.model import ObjectModel, find_object
+from gdg.pipeline.jobs import PairJob
+from gdg.protocols import load_protocol
+from gdg.starts import prepare
+
+
+@dataclass
+class Pair:
+    """A hand and an object with the configured components around them."""
+
+    config: RunConfig
+    job: PairJob
+    hand: HandModel
+    obj: ObjectModel
+    components: Assembler
+
+    @classmethod
+    def load(cls, config: RunConfig) -> Pair:
+        """Loads hand and object and imports nothing else yet.
+
+        Raises:
+            GdgError: anything the user named that is missing or malformed.
+        """
+        job: PairJob = config.job
+        device = _device(job.device)
+        load_protocol(job.protocol)  # a typo must be told before minutes of work
+        choice = config.components["hand_model"]
+        hand = choice.record.load()(choice.options, find_hand(job.hand), device)
+        obj = find_object(job.object, job.object_scale).to(device)
+        return cls(config, job, hand, obj, Assembler(config.components))
+
+    def plan(
+        self, count: int, generator: torch.Generator, progress: Progress | None = None
+    ) -> GraspSet:
+        """Plans grasps and stamps them with where they came from."""
+        started = time.perf_counter()
+        grasps = self.components.get("planner").plan(
+            self.hand, self.obj, count, generator, progress
+        )
+        seconds = {
+            **grasps.provenance.get("seconds", {}),
+            "plan": time.perf_counter() - started,
+        }
+        return replace(
+            grasps, provenance={**grasps.provenance, **self.provenance(), "seconds": seconds}
+        )
+
+    def simulate(self, grasps: GraspSet, progress: Progress | None = None) -> GraspSet:
+        """Tests grasps under the job's protocol; the result carries verdicts and drive targets."""
+        protocol = load_protocol(self.job.protocol)
+        started = time.perf_counter()
+        prepared = prepare(self.hand, self.obj, grasps, protocol, self.job.refine)
+        verdicts = self.components.get("simulator").simulate(
+            self.hand, self.obj, prepared, protocol, progress
+        )
+        seconds = {
+            **grasps.provenance.get("seconds", {}),
+            "simulate": time.perf_counter() - started,
+        }
+        return replace(
+            grasps,
+            targets=prepared.targets,
+            verdicts=tuple(verdicts),
+            provenance={**grasps.provenance, "seconds": seconds},
+        )
+
+    def provenance(self) -> dict[str, Any]:
+        """Versions and content hashes of everything that shaped the grasps."""
+        return {
+            "gdg": gdg.__version__,
+            "hand_hash": self.hand.hand.content_hash,
+            "object_hash": self.obj.content_hash,
+            "object_notes": list(self.obj.notes),
+            "object_split": self.obj.split,
+            "components": {
+                key: {
+                    "name": choice.record.name,
+                    "provider": choice.record.provider,
+                    "distribution": choice.record.distribution,
+                    "version": choice.record.version,
+                }
+                for key, choice in self.config.components.items()
+            },
+        }
+
+
+def generator_for(seed: int) -> torch.Generator:
+    """The random stream of a job."""
+    return torch.Generator().manual_seed(seed)
+
+
+def _device(name: str) -> torch.device:
+    if name.startswith("cuda") and not torch.cuda.is_available():
+        raise GdgError(f"device={name}: torch finds no CUDA device here; write device=cpu.")
+    return torch.device(name)

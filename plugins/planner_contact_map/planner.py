@@ -1,0 +1,48 @@
+"""Contact maps first, the hand second (GenDexGrasp, Li et al. 2022)."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from dataclasses import replace
+
+import torch
+
+from gdg.components import Options
+from gdg.data.grasps import GraspSet
+from gdg.kinds.fitter import Fitter, Progress
+from gdg.kinds.generator import Generator
+from gdg.kinds.hand_model import HandModel
+from gdg.kinds.planner import Planner
+from gdg.objects.model import ObjectModel
+
+
+class ContactMapPlanner(Planner):
+    """One contact map per grasp asked for; drops fits that diverged."""
+
+    def __init__(self, options: Options, *, generator: Generator, fitter: Fitter):
+        super().__init__(options)
+        self._generator, self._fitter = generator, fitter
+
+    def plan(
+        self,
+        hand: HandModel,
+        obj: ObjectModel,
+        count: int,
+        generator: torch.Generator,
+        progress: Progress | None = None,
+    ) -> GraspSet:
+        """At most ``count`` grasps, lowest energy first; see the interface."""
+        started = time.perf_counter()
+        maps = self._generator.generate(obj, count, generator)
+        generated = time.perf_counter()
+        grasps = self._fitter.fit(hand, obj, maps, generator, progress)
+        fitted = time.perf_counter()
+        order = grasps.energies["total"].argsort().tolist()
+        kept = [i for i in order if grasps.status[i] != "diverged"][:count]
+        rejected = Counter({"diverged": grasps.status.count("diverged")})
+        seconds = {"generate": generated - started, "fit": fitted - generated}
+        return replace(
+            grasps.select(kept),
+            provenance={**grasps.provenance, "rejected": dict(rejected), "seconds": seconds},
+        )
