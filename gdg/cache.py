@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import zipfile
+import zlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
@@ -14,6 +15,11 @@ import platformdirs
 from gdg.data.atomic import atomic_path
 from gdg.errors import GdgError
 
+#: What numpy and zipfile raise on a file that was cut off or damaged.
+UNREADABLE = (
+    EOFError, LookupError, MemoryError, OSError, RuntimeError, TypeError, ValueError,
+    zipfile.BadZipFile, zlib.error,
+)  # fmt: skip
 Arrays = Mapping[str, np.ndarray]
 
 
@@ -47,7 +53,7 @@ def cached_arrays(kind: str, key: str, compute: Callable[[], Arrays]) -> Arrays:
         try:
             with np.load(path, allow_pickle=False) as stored:
                 return {name: stored[name] for name in stored.files}
-        except (OSError, ValueError, EOFError, zipfile.BadZipFile):
+        except UNREADABLE:
             path.unlink(missing_ok=True)
     arrays = compute()
     try:

@@ -224,5 +224,3 @@ def _split_commas(text: str) -> list[str]:
 
 def _copy(tree: Tree) -> Tree:
     return {key: dict(value) if isinstance(value, dict) else value for key, value in tree.items()}
-
-

@@ -75,7 +75,7 @@ def contact_aware_targets(
 def backed_out(
     hand: HandModel, obj: ObjectModel, q: Float[Tensor, "batch dof"], clearance_m: float
 ) -> Float[Tensor, "batch joint"]:
-    """Joints opened just so far that no hand point lies deeper than ``clearance_m``.
+    """Joints opened just so far that the hand lies no deeper than ``clearance_m``.
 
     Joints go straight toward the open posture; a grasp that is still too deep there (its palm is
     inside the object) starts in the open posture.
@@ -84,9 +84,9 @@ def backed_out(
     result, pending = joints.clone(), torch.ones(len(q), dtype=torch.bool, device=q.device)
     for share in torch.linspace(0, 1, BACK_OUT_STEPS + 1).tolist():
         trial = joints + share * (hand.open_posture - joints)
-        points = hand.surface_points(torch.cat((q[:, :ROOT_DIM], trial), dim=-1))
+        depth = penetration_depth(hand, obj, torch.cat((q[:, :ROOT_DIM], trial), dim=-1))
         result = torch.where(pending[:, None], trial, result)
-        pending = pending & (penetration_depth(obj, points) > clearance_m)
+        pending = pending & (depth > clearance_m)
         if not pending.any():
             break
     return result

@@ -4,15 +4,26 @@ from __future__ import annotations
 
 import typing
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, TypeVar
+from pathlib import Path
+from typing import Annotated, Any, TypeVar
 
-from pydantic import BaseModel, ValidationError
+from pydantic import AfterValidator, BaseModel, ValidationError
 
 from gdg.errors import did_you_mean, raise_if_any
 
 Model = TypeVar("Model", bound=BaseModel)
 #: Longer values are cut off in messages.
 MAX_SHOWN = 60
+
+
+def _inside_folder(name: str) -> str:
+    if Path(name).is_absolute() or ".." in Path(name).parts or not name.isprintable():
+        raise ValueError("must be a path inside the folder")
+    return name
+
+
+#: A path, relative to the folder of the file that names it, that doesn't leave that folder.
+PathInside = Annotated[str, AfterValidator(_inside_folder)]
 
 
 def validated(model: type[Model], values: Mapping[str, Any], where: str) -> Model:

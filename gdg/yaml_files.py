@@ -43,6 +43,14 @@ class _PlainLoader(yaml.SafeLoader):
 class _PlainDumper(yaml.SafeDumper):
     """Quotes text that either YAML 1.1 or the loader above would take for something else."""
 
+    def represent_text(self, text: str) -> yaml.ScalarNode:
+        # in other quotes, these line breaks would come back as spaces
+        style = '"' if any(char in text for char in "\x85\u2028\u2029") else None
+        return self.represent_scalar("tag:yaml.org,2002:str", text, style)
+
+
+_PlainDumper.add_representer(str, _PlainDumper.represent_text)
+
 
 _PlainLoader.yaml_implicit_resolvers = {}
 for _tag, _pattern, _first in (
@@ -66,8 +74,7 @@ def parse_yaml(text: str, where: str) -> Any:
         GdgError: no YAML, beginning with ``where``.
     """
     try:
-        # the loader is derived from SafeLoader
-        return yaml.load(text, Loader=_PlainLoader)  # noqa: S506
+        return yaml.load(text, Loader=_PlainLoader)  # derived from SafeLoader
     except RecursionError as error:
         raise GdgError(f"{where}: is nested too deeply.") from error
     except yaml.MarkedYAMLError as error:

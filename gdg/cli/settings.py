@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -21,7 +22,7 @@ def takes_settings(job: type[JobConfig], defaults: dict[str, str]) -> Callable[.
     """Decorator: gives a click command ``SETTINGS…``, ``-c FILE`` and the list of them in help."""
 
     def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
-        function.__doc__ = f"{function.__doc__ or ''}\n\n{_settings_help(job, defaults)}"
+        function.__doc__ = f"{inspect.getdoc(function)}\n\n{_settings_help(job, defaults)}"
         function = click.argument("settings", nargs=-1)(function)
         return click.option(
             "-c", "--config", "files", multiple=True, type=click.Path(path_type=Path),
@@ -94,5 +95,5 @@ def _explained(job: type[JobConfig], name: str) -> str:
                     if not more.startswith(" " * 12):
                         break
                     text += " " + more.strip()
-                return text
+                return text.replace("``", "")
     return ""

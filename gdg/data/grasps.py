@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -13,10 +14,12 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gdg.data.atomic import write_text_atomically
+from gdg.data.json_values import finite_or_none
 from gdg.data.verdict import Verdict
 from gdg.errors import GdgError
 
 SCHEMA = "gdg-grasps-1"
+UNITS = {"length": "m", "angle": "rad"}
 
 
 @dataclass(frozen=True)
@@ -83,15 +86,15 @@ class GraspSet:
         write_text_atomically(path, json.dumps(self.as_dict(), indent=1) + "\n")
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain values with named joints, units and 4×4 poses."""
+        """Plain values with named joints, units and 4×4 poses; what is not finite is None."""
         return {
             "schema": SCHEMA,
-            "units": {"length": "m", "angle": "rad"},
+            "units": UNITS,
             "hand": self.hand,
             "object": self.object_name,
             "root_link": self.root_link,
             "joint_names": list(self.joint_names),
-            "provenance": self.provenance,
+            "provenance": finite_or_none(self.provenance),
             "grasps": [self._grasp_as_dict(index) for index in range(len(self))],
         }
 
@@ -105,7 +108,7 @@ class GraspSet:
         }
         if self.targets is not None:
             grasp["joint_targets"] = named(self.targets)
-        grasp["energies"] = {name: float(v[index]) for name, v in self.energies.items()}
+        grasp["energies"] = {n: finite_or_none(float(v[index])) for n, v in self.energies.items()}
         if self.status:
             grasp["status"] = self.status[index]
         if self.verdicts:
@@ -117,38 +120,69 @@ def load_grasps(path: Path) -> GraspSet:
     """Reads a ``grasps.json``; contact values are not stored and come back as None.
 
     Raises:
-        GdgError: the file can't be read or isn't of this schema.
+        GdgError: the file can't be read, isn't of this schema, or a pose is not rigid.
     """
     try:
         tree = json.loads(path.read_text(encoding="utf-8"))
         if tree.get("schema") != SCHEMA:
             raise GdgError(f"{path}: schema is '{tree.get('schema')}', expected '{SCHEMA}'.")
-        return _from_dict(tree)
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        if tree.get("units") != UNITS:
+            raise GdgError(f"{path}: units are {tree.get('units')}, expected {UNITS}.")
+        grasps = _from_dict(tree)
+    except OSError as error:
+        raise GdgError(f"{path}: cannot be read: {error.strerror or error}.") from error
+    except KeyError as error:
+        raise GdgError(f"{path}: is no readable grasp file: {error} is missing.") from error
+    except (ValueError, TypeError, AttributeError, RuntimeError) as error:
         raise GdgError(f"{path}: is no readable grasp file: {error}") from error
+    _check_poses(path, grasps)
+    return grasps
 
 
 def _from_dict(tree: dict[str, Any]) -> GraspSet:
     names, grasps = tuple(tree["joint_names"]), tree["grasps"]
+    first = grasps[0] if grasps else {}
 
     def joints(key: str) -> Tensor:
         rows = [[grasp[key][name] for name in names] for grasp in grasps]
-        return torch.tensor(rows, dtype=torch.float32).reshape(-1, len(names))
+        return torch.tensor(rows, dtype=torch.float32).reshape(len(grasps), len(names))
 
-    energy_names = grasps[0]["energies"] if grasps else ()
+    def column(name: str) -> Tensor:
+        values = [grasp["energies"][name] for grasp in grasps]
+        return torch.tensor([math.nan if v is None else v for v in values], dtype=torch.float32)
+
+    poses = torch.tensor([grasp["T_object_root"] for grasp in grasps], dtype=torch.float32)
+    if grasps and poses.shape[1:] != (4, 4):
+        raise ValueError("T_object_root must be a 4×4 matrix")
     return GraspSet(
         hand=tree["hand"],
         object_name=tree["object"],
         joint_names=names,
         root_link=tree["root_link"],
-        poses=torch.tensor([g["T_object_root"] for g in grasps]).float().reshape(-1, 4, 4),
+        poses=poses.reshape(-1, 4, 4),
         joints=joints("joints"),
-        targets=joints("joint_targets") if grasps and "joint_targets" in grasps[0] else None,
-        energies={n: torch.tensor([g["energies"][n] for g in grasps]) for n in energy_names},
-        status=tuple(g["status"] for g in grasps if "status" in g),
-        verdicts=tuple(Verdict.from_dict(g["verdict"]) for g in grasps if "verdict" in g),
+        targets=joints("joint_targets") if "joint_targets" in first else None,
+        energies={name: column(name) for name in first.get("energies", ())},
+        status=tuple(g["status"] for g in grasps) if "status" in first else (),
+        verdicts=(
+            tuple(Verdict.from_dict(g["verdict"]) for g in grasps) if "verdict" in first else ()
+        ),
         provenance=tree["provenance"],
     )
+
+
+def _check_poses(path: Path, grasps: GraspSet) -> None:
+    rotation = grasps.poses[:, :3, :3]
+    off = (rotation @ rotation.mT - torch.eye(3)).abs().amax((1, 2))
+    last_row = (grasps.poses[:, 3] - torch.tensor([0.0, 0.0, 0.0, 1.0])).abs().amax(1)
+    fine = (off < 1e-3) & (torch.linalg.det(rotation) > 0) & (last_row < 1e-6)
+    fine &= grasps.poses.isfinite().all(-1).all(-1) & grasps.joints.isfinite().all(-1)
+    if not fine.all():
+        index = int((~fine).nonzero()[0])
+        raise GdgError(
+            f"{path}: grasp {index}: T_object_root is no rigid pose (is it transposed?), or a "
+            f"joint value is not finite."
+        )
 
 
 def _rounded(values: Tensor) -> list[float]:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass
 from typing import Any
+
+from gdg.data.json_values import finite_or_none
 
 #: Push directions in the order of every per-direction field.
 DIRECTIONS = ("+x", "-x", "+y", "-y", "+z", "-z")
@@ -60,10 +63,16 @@ class Verdict:
         return len(set(self.shift_successes)) == 1
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain values, as they stand in ``grasps.json``."""
-        return asdict(self)
+        """Plain values, as they stand in ``grasps.json``; None where one is not finite."""
+        return finite_or_none(asdict(self))
 
     @classmethod
     def from_dict(cls, tree: dict[str, Any]) -> Verdict:
-        """The inverse of ``as_dict`` (JSON lists become tuples)."""
-        return cls(**{k: tuple(v) if isinstance(v, list) else v for k, v in tree.items()})
+        """The inverse of ``as_dict`` (JSON lists become tuples, null becomes NaN)."""
+        return cls(**{name: _from_json(value) for name, value in tree.items()})
+
+
+def _from_json(value: Any) -> Any:
+    if isinstance(value, list):
+        return tuple(_from_json(item) for item in value)
+    return math.nan if value is None else value

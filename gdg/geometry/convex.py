@@ -78,7 +78,7 @@ def _decompose(mesh: trimesh.Trimesh, how: Decomposition) -> list[trimesh.Trimes
             break
         worst = max(candidates, key=lambda part: part.excess)
         halves = _best_cut(worst)
-        if not halves:
+        if not halves or len(parts) - 1 + len(halves) > how.max_parts:
             break
         parts.remove(worst)
         parts += halves

@@ -11,6 +11,8 @@ import defusedxml
 import defusedxml.ElementTree
 import numpy as np
 import trimesh
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
 from gdg.errors import GdgError
 
@@ -28,7 +30,9 @@ PARSER_ERRORS = (
 
 
 def load_mesh(path: Path) -> trimesh.Trimesh:
-    """One triangle mesh from a file, vertices merged, in the file's own units.
+    """One triangle mesh from a file, vertices merged, in the file's own numbers.
+
+    Only COLLADA states its unit; it is converted to metres.
 
     Raises:
         GdgError: missing, too large, no mesh format, empty, flat to a line, or not finite.
@@ -48,6 +52,8 @@ def load_mesh(path: Path) -> trimesh.Trimesh:
             f"(20,000 are plenty for grasping)."
         )
     vertices, faces = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64)
+    if vertices.shape[1:] != (3,) or faces.shape[1:] != (3,):
+        raise GdgError(f"{path}: the mesh is not made of triangles in space.")
     if faces.min() < 0 or faces.max() >= len(vertices):
         raise GdgError(f"{path}: a face names a vertex that does not exist.")
     used, index = np.unique(faces, return_inverse=True)
@@ -66,11 +72,12 @@ def _parse(path: Path) -> trimesh.Trimesh:
     level = logger.level
     logger.setLevel(logging.CRITICAL)  # what it would log is in the error below
     try:
-        if path.suffix.lower() == ".dae":  # its parser would expand entities
-            defusedxml.ElementTree.parse(path, forbid_dtd=True)
+        scale = _collada_unit(path) if path.suffix.lower() == ".dae" else 1.0
         loaded = trimesh.load(
             path, force="mesh", skip_materials=True, resolver=_NoResolver(), process=False
         )
+        if scale != 1.0:
+            loaded.apply_scale(scale)
     except defusedxml.DefusedXmlException as error:
         raise GdgError(f"{path}: the XML declares entities, which gdg refuses.") from error
     except PARSER_ERRORS as error:
@@ -80,6 +87,13 @@ def _parse(path: Path) -> trimesh.Trimesh:
     if not isinstance(loaded, trimesh.Trimesh):
         raise GdgError(f"{path}: holds no triangle mesh.")
     return loaded
+
+
+def _collada_unit(path: Path) -> float:
+    """Metres per unit of a COLLADA file, which is also checked for entities."""
+    root = defusedxml.ElementTree.parse(path, forbid_dtd=True).getroot()
+    unit = root.find("{*}asset/{*}unit")
+    return 1.0 if unit is None else float(unit.get("meter", "1"))
 
 
 def _one_line(error: Exception) -> str:
@@ -105,9 +119,32 @@ class _NoResolver(trimesh.visual.resolvers.Resolver):
         raise PermissionError(name)
 
 
-def sample_surface(
-    mesh: trimesh.Trimesh, count: int, seed: int
-) -> tuple[np.ndarray, np.ndarray]:
+def close_gaps(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, float]:
+    """The mesh with every gap closed by a fan around the gap's centre, and the fans' area.
+
+    Gaps are found by signed edges, so edges that join four faces are none. A mesh without gaps is
+    returned as it is, with area 0.
+    """
+    edges = mesh.edges[mesh.edges[:, 0] != mesh.edges[:, 1]]
+    pairs, index = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True)
+    excess = np.zeros(len(pairs), np.int64)
+    np.add.at(excess, index.ravel(), np.where(edges[:, 0] < edges[:, 1], 1, -1))
+    rim = np.repeat(np.where(excess[:, None] > 0, pairs, pairs[:, ::-1]), np.abs(excess), axis=0)
+    if len(rim) == 0:
+        return mesh, 0.0
+    count = len(mesh.vertices)
+    graph = coo_matrix((np.ones(len(rim)), rim.T), (count, count))
+    gaps, gap = np.unique(connected_components(graph)[1][rim[:, 0]], return_inverse=True)
+    centers = np.zeros((len(gaps), 3))
+    np.add.at(centers, gap, mesh.vertices[rim[:, 0]])
+    centers /= np.bincount(gap)[:, None]
+    fans = np.column_stack((rim[:, ::-1], count + gap))
+    vertices = np.concatenate((mesh.vertices, centers))
+    closed = trimesh.Trimesh(vertices, np.concatenate((mesh.faces, fans)), process=False)
+    return closed, float(closed.area_faces[len(mesh.faces) :].sum())
+
+
+def sample_surface(mesh: trimesh.Trimesh, count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
     """Points uniform over a mesh's surface, with the outward normals of their faces.
 
     Returns:

@@ -13,7 +13,7 @@ from jaxtyping import Float
 from scipy.ndimage import distance_transform_edt, label
 from torch import Tensor
 
-from gdg.geometry.mesh import sample_surface
+from gdg.geometry.mesh import close_gaps, sample_surface
 
 #: Cells along the longest side of the grid: 1 mm for an object of 12 cm.
 RESOLUTION = 128
@@ -113,9 +113,10 @@ class SignedDistanceGrid:
 def signed_distance_arrays(mesh: trimesh.Trimesh) -> dict[str, np.ndarray]:
     """Node values, origin and spacing of a mesh's grid.
 
-    Signs come from the generalised winding number (Jacobson et al. 2013), so small holes and
-    overlapping bodies do no harm. Distances are exact near the surface; elsewhere they are taken
-    to the closest point of the nearest node of that band.
+    Signs come from the generalised winding number (Jacobson et al. 2013), so overlapping bodies
+    do no harm, nor do gaps of less than a cell (see ``close_gaps`` for larger ones). Distances
+    are exact near the surface; elsewhere they are taken to the closest point of the nearest node
+    of that band.
     """
     low, high = mesh.bounds[0] - MARGIN_M, mesh.bounds[1] + MARGIN_M
     spacing = float((high - low).max()) / (RESOLUTION - 1)
@@ -137,7 +138,7 @@ def signed_distance_arrays(mesh: trimesh.Trimesh) -> dict[str, np.ndarray]:
 
 def closed_surface(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     """A closed manifold in place of a mesh with gaps or overlapping bodies, same frame."""
-    arrays = signed_distance_arrays(mesh)
+    arrays = signed_distance_arrays(close_gaps(mesh)[0])
     values, origin = torch.from_numpy(arrays["values"]), torch.from_numpy(arrays["origin"])
     return SignedDistanceGrid(values, origin, float(arrays["spacing"])).zero_surface()
 
@@ -169,11 +170,11 @@ def _signs(mesh: trimesh.Trimesh, nodes: np.ndarray, band: np.ndarray) -> np.nda
     sign = np.ones(band.shape)
     sign[band] = np.where(winding_numbers(mesh, nodes[band]) > 0.5, -1.0, 1.0)
     regions, count = label(~band)
-    for region in range(1, count + 1):
-        members = regions == region
-        representative = nodes[np.unravel_index(int(members.argmax()), band.shape)]
-        sign[members] = -1.0 if winding_numbers(mesh, representative[None])[0] > 0.5 else 1.0
-    return sign
+    names, first = np.unique(regions, return_index=True)
+    representatives = nodes.reshape(-1, 3)[first]
+    region_sign = np.ones(count + 1)
+    region_sign[names] = np.where(winding_numbers(mesh, representatives) > 0.5, -1.0, 1.0)
+    return np.where(band, sign, region_sign[regions])
 
 
 def winding_numbers(mesh: trimesh.Trimesh, points: np.ndarray) -> np.ndarray:

@@ -5,6 +5,7 @@ The contact surface, penetration, self-collision and the simulators all use thes
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,12 +20,12 @@ from gdg.hands.urdf import Shape, Urdf
 
 #: Links are cut while their hull stands off by more than this on average.
 DECOMPOSITION = Decomposition(gap_m=0.0008, max_parts=8)
-#: No link of a hand is larger than this; a larger one means millimetres read as metres.
+#: No shape of a hand is larger than this; a larger one means millimetres read as metres.
 MAX_LINK_EXTENT_M = 2.0
 #: Samples taken per surface point kept, so that farthest-point sampling has a choice.
 OVERSAMPLING = 8
 #: Sphere covers: at most this many per link, none thinner than this share of the thickest.
-MAX_SPHERES_PER_LINK = 6
+MAX_SPHERES_PER_LINK = 8
 MIN_SPHERE_SHARE = 0.4
 
 
@@ -94,47 +95,54 @@ def link_parts(urdf: Urdf, folder: Path, role: str) -> tuple[ConvexPart, ...]:
 
 
 def _parts_of(urdf: Urdf, folder: Path, link: str, shape: Shape) -> list[ConvexPart]:
-    if shape.kind != "mesh":
+    what = f"mesh '{shape.mesh}'" if shape.kind == "mesh" else shape.kind
+    where = f"{urdf.path}: link '{link}': {what}"
+    if shape.kind == "mesh":
+        mesh = load_mesh(resolve_mesh(urdf.path, folder, link, shape.mesh))
+        mesh.apply_transform(np.diag([*shape.size, 1.0]))
+    else:
         mesh = _primitive_mesh(shape)
-        mesh.apply_transform(shape.T_link_shape)
-        return [ConvexPart(link, shape.kind, shape.size, shape.T_link_shape, mesh)]
-    mesh = load_mesh(resolve_mesh(urdf.path, folder, link, shape.mesh)).copy()
-    mesh.apply_transform(np.diag([*shape.size, 1.0]))
     mesh.apply_transform(shape.T_link_shape)
     extent = float(mesh.extents.max())
     if extent > MAX_LINK_EXTENT_M:
-        raise GdgError(
-            f"{urdf.path}: link '{link}': mesh '{shape.mesh}' is {extent:.3g} m long: it seems to "
-            f'be in millimetres; write scale="0.001 0.001 0.001".'
-        )
-    return [ConvexPart(link, "hull", (), np.eye(4), p) for p in convex_parts(mesh, DECOMPOSITION)]
+        hint = '; write scale="0.001 0.001 0.001"' if shape.kind == "mesh" else ""
+        raise GdgError(f"{where} is {extent:.3g} m long: it seems to be in millimetres{hint}.")
+    if shape.kind != "mesh":
+        return [ConvexPart(link, shape.kind, shape.size, shape.T_link_shape, mesh)]
+    try:
+        hulls = convex_parts(mesh, DECOMPOSITION)
+    except GdgError as error:
+        raise GdgError(f"{where}: {error}") from error
+    return [ConvexPart(link, "hull", (), np.eye(4), hull) for hull in hulls]
 
 
 def resolve_mesh(urdf_path: Path, folder: Path, link: str, name: str) -> Path:
     """The file of a mesh that a URDF names, which must lie inside the hand's folder.
 
-    ``package://name/path`` is looked up as ``path``, then as ``name/path``.
+    Paths start at the URDF; ``package://name/path`` is looked up as ``path``, then as
+    ``name/path``, at the URDF and at the folder.
 
     Raises:
         GdgError: the path leaves the folder (links are followed), or there is no such file.
     """
-    candidates = [name]
+    candidates = [urdf_path.parent / name]
     if name.startswith("package://"):
         whole = name.removeprefix("package://")
-        candidates = [whole.partition("/")[2], whole]
+        paths = whole.partition("/")[2], whole
+        candidates = [base / path for base in (urdf_path.parent, folder) for path in paths]
     elif "://" in name:
         raise GdgError(f"{urdf_path}: link '{link}': mesh '{name}' is no path inside the folder.")
     inside = folder.resolve()
     for candidate in candidates:
-        path = (urdf_path.parent / candidate).resolve()
+        path = Path(os.path.realpath(candidate))
         if not path.is_relative_to(inside):
             raise GdgError(
                 f"{urdf_path}: link '{link}': mesh '{name}' lies outside the hand's folder; copy "
                 f"it into {folder}."
             )
-        if path.is_file():
+        if os.path.isfile(path):  # unlike Path.is_file, False for a name that is too long
             return path
-    raise GdgError(f"{urdf_path}: link '{link}': there is no mesh file '{name}' in {folder}.")
+    raise GdgError(f"{urdf_path}: link '{link}': there is no mesh file '{name[:200]}' in {folder}.")
 
 
 def _primitive_mesh(shape: Shape) -> trimesh.Trimesh:
@@ -194,7 +202,7 @@ def _in_neighbourhoods(points: np.ndarray, chosen: np.ndarray) -> np.ndarray:
 
 def hand_spheres(urdf: Urdf, parts: tuple[ConvexPart, ...], seed: int = 0) -> Spheres:
     """Inscribed spheres of all parts; cached on disk."""
-    key = content_hash("hand-spheres-3", *_signature(urdf, parts), seed)
+    key = content_hash("hand-spheres-4", *_signature(urdf, parts), seed)
     arrays = cached_arrays("spheres", key, lambda: _inscribe(urdf, parts, seed))
     return Spheres(arrays["centers"], arrays["radii"], arrays["link_index"])
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
@@ -128,10 +129,10 @@ def load_hand(folder: Path) -> Hand:
         GdgError: a file is missing or malformed, or the manifest does not fit the URDF.
     """
     spec = read_spec(folder)
-    urdf_path = (folder / spec.urdf).resolve()
+    urdf_path = Path(os.path.realpath(folder / spec.urdf))
     if not urdf_path.is_relative_to(folder.resolve()):
         raise GdgError(f"{folder / MANIFEST}: urdf: '{spec.urdf}' lies outside the folder.")
-    if not urdf_path.is_file():
+    if not os.path.isfile(urdf_path):
         raise GdgError(f"{folder / MANIFEST}: urdf: there is no file '{spec.urdf}' in {folder}.")
     urdf = read_urdf(urdf_path)
     raise_if_any([f"{folder / MANIFEST}: {text}" for text in _mismatches(spec, urdf)])
@@ -149,8 +150,9 @@ def _mismatches(spec: HandSpec, urdf: Urdf) -> Iterable[str]:
     moving = [name for name, joint in urdf.joints.items() if joint.type in MOVING_TYPES]
     for place, joint in spec.joint_references():
         if joint not in moving:
-            kind = "a fixed joint" if joint in urdf.joints else "not"
-            yield f"{place}: joint '{joint}' is {kind} in {urdf.path.name}.{did_you_mean(joint, moving)}"
+            what = "a fixed joint" if joint in urdf.joints else "not"
+            hint = did_you_mean(joint, moving)
+            yield f"{place}: joint '{joint}' is {what} in {urdf.path.name}.{hint}"
         elif urdf.joints[joint].mimic is not None:
             yield f"{place}: joint '{joint}' mimics another one, so it has no value of its own."
         elif place.startswith(("open.", "closed.")):
@@ -164,6 +166,7 @@ def _mismatches(spec: HandSpec, urdf: Urdf) -> Iterable[str]:
 def _posture_mistakes(spec: HandSpec, urdf: Urdf, place: str, name: str) -> Iterable[str]:
     joint, value = urdf.joints[name], getattr(spec, place.partition(".")[0])[name]
     if not joint.lower - 1e-3 <= value <= joint.upper + 1e-3:
-        yield f"{place}: {value:g} is outside the joint's limits [{joint.lower:g}, {joint.upper:g}]."
+        limits = f"[{joint.lower:g}, {joint.upper:g}]"
+        yield f"{place}: {value:g} is outside the joint's limits {limits}."
     if name not in spec.joints:
         yield f"{place}: joint '{name}' is not among the actuated joints."

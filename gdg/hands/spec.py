@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-from gdg.validation import validated
+from gdg.validation import PathInside, validated
 from gdg.yaml_files import read_yaml_mapping
 
 MANIFEST = "hand.yaml"
@@ -28,12 +28,6 @@ def _unit(vector: tuple[float, float, float]) -> tuple[float, float, float]:
     if abs(norm - 1.0) > 0.01:
         raise ValueError(f"must be a unit vector (its length is {norm:.3g})")
     return (vector[0] / norm, vector[1] / norm, vector[2] / norm)
-
-
-def _inside_folder(name: str) -> str:
-    if Path(name).is_absolute() or ".." in Path(name).parts:
-        raise ValueError("must be a path inside the hand's folder")
-    return name
 
 
 Finite = Annotated[float, AfterValidator(_finite)]
@@ -131,7 +125,7 @@ class HandSpec(_Section):
 
     name: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_-]*$")]
     title: str = ""
-    urdf: Annotated[str, AfterValidator(_inside_folder)]
+    urdf: PathInside
     geometry: Literal["collision", "visual"] = "collision"
     root_link: str
     palm: Palm

@@ -218,10 +218,17 @@ def _joint(element: Element, mistakes: list[str]) -> Joint:
     if kind in MOVING_TYPES and norm <= 1e-6:
         mistakes.append(f"{where}: its axis must not be zero.")
     return Joint(
-        name, kind, _end(element, "parent", where, mistakes), _end(element, "child", where, mistakes),
-        _origin(element, where, mistakes), axis / (norm or 1.0), lower, upper, effort,
-        _mimic(element, kind, where, mistakes),
-    )  # fmt: skip
+        name=name,
+        type=kind,
+        parent=_end(element, "parent", where, mistakes),
+        child=_end(element, "child", where, mistakes),
+        T_parent_child=_origin(element, where, mistakes),
+        axis=axis / (norm or 1.0),
+        lower=lower,
+        upper=upper,
+        effort=effort,
+        mimic=_mimic(element, kind, where, mistakes),
+    )
 
 
 def _mimic(element: Element, kind: str, where: str, mistakes: list[str]) -> Mimic | None:
@@ -379,9 +386,9 @@ def _joint_xml(joint: Joint) -> str:
     angles = trimesh.transformations.euler_from_matrix(joint.T_parent_child, "sxyz")
     rpy = " ".join(f"{value:.12g}" for value in angles)
     axis = " ".join(f"{value:.12g}" for value in joint.axis)
-    limit = "" if kind == "fixed" else (
-        f'<limit lower="{joint.lower}" upper="{joint.upper}" effort="0" velocity="0"/>'
-    )
+    limit = ""
+    if kind != "fixed":
+        limit = f'<limit lower="{joint.lower}" upper="{joint.upper}" effort="0" velocity="0"/>'
     return (
         f"<joint name={_quoted(joint.name)} type={_quoted(kind)}>"
         f"<parent link={_quoted(joint.parent)}/><child link={_quoted(joint.child)}/>"

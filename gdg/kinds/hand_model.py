@@ -208,7 +208,9 @@ class HandModel(ABC):
         tensor = self._tensor(corners).reshape(-1, 4, 3)
         diagonals = tensor[:, 2] - tensor[:, 0], tensor[:, 3] - tensor[:, 1]
         normals = torch.nn.functional.normalize(torch.linalg.cross(*diagonals), dim=-1)
-        return ContactRegions(tensor, normals, torch.tensor(index, device=self.device))
+        return ContactRegions(
+            tensor, normals, torch.tensor(index, dtype=torch.long, device=self.device)
+        )
 
     def _build_spheres(self) -> CollisionSpheres:
         found = hand_spheres(self.hand.urdf, self.hand.parts)

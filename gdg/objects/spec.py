@@ -5,18 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field
 
-from gdg.validation import validated
+from gdg.validation import PathInside, validated
 from gdg.yaml_files import read_yaml_mapping
 
 MANIFEST = "object.yaml"
-
-
-def _inside_folder(name: str) -> str:
-    if Path(name).is_absolute() or ".." in Path(name).parts:
-        raise ValueError("must be a path inside the object's folder")
-    return name
 
 
 class ObjectSpec(BaseModel):
@@ -35,7 +29,7 @@ class ObjectSpec(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
     name: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_-]*$")]
     title: str = ""
-    mesh: Annotated[str, AfterValidator(_inside_folder)]
+    mesh: PathInside
     split: Literal["train", "test"]
     thin_shell: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
     source: str

@@ -11,6 +11,7 @@ import torch
 import gdg
 from gdg.assemble import Assembler
 from gdg.config import RunConfig
+from gdg.contact_maps import contact_map_of
 from gdg.data.grasps import GraspSet
 from gdg.errors import GdgError
 from gdg.hands.hand import find_hand
@@ -59,6 +60,11 @@ class Pair:
             **grasps.provenance.get("seconds", {}),
             "plan": time.perf_counter() - started,
         }
+        if grasps.contact_values is None and len(grasps):
+            maps = contact_map_of(
+                self.hand, self.obj, self.hand.q_of(grasps), self.components.get("distance")
+            )
+            grasps = replace(grasps, contact_values=maps.values.cpu())
         return replace(
             grasps, provenance={**grasps.provenance, **self.provenance(), "seconds": seconds}
         )
@@ -89,7 +95,9 @@ class Pair:
             "hand_hash": self.hand.hand.content_hash,
             "object_hash": self.obj.content_hash,
             "object_notes": list(self.obj.notes),
-            "object_split": self.obj.split,
+            "object_path": self.job.object,
+            "object_scale": self.job.object_scale,
+            "split": self.obj.split,
             "components": {
                 key: {
                     "name": choice.record.name,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import closing
 from pathlib import Path
 
 from PIL import Image, ImageDraw, ImageFont
@@ -59,7 +60,7 @@ def contact_sheet(
         scene = build_scene(hand, obj, grasps, MAX_OBJECT_FACES, MAX_HAND_FACES)
         _draw_cells(sheet, scene, grasps, columns, view_size)
     with atomic_path(path) as temporary:
-        sheet.save(temporary, format="PNG", optimize=True)
+        sheet.save(temporary, format="PNG")
 
 
 def sheet_size(count: int, columns: int, view_size: Box = (400, 330)) -> Box:
@@ -82,7 +83,7 @@ def _draw_cells(
     frame = (0, 0, width - 1, height - 1)
     mask = Image.new("L", (width, height), 0)
     ImageDraw.Draw(mask).rounded_rectangle(frame, radius=CORNER_PX, fill=255)
-    with SceneRenderer(scene, *view_size, background=unit_rgb(CARD)) as renderer:
+    with closing(SceneRenderer(scene, *view_size, background=unit_rgb(CARD))) as renderer:
         for index in range(len(grasps)):
             cell = Image.new("RGB", (width, height), CARD)
             draw = ImageDraw.Draw(cell)

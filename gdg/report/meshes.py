@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pyvista
 import trimesh
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from gdg.cache import cached_arrays, content_hash
 from gdg.errors import GdgError
@@ -95,7 +95,7 @@ def vertex_values(
     Mean of the four nearest points, weighted by inverse distance; points whose normal differs
     count as far away.
     """
-    tree = cKDTree(np.concatenate((points, NORMAL_WEIGHT_M / 2 * normals), axis=1))
+    tree = KDTree(np.concatenate((points, NORMAL_WEIGHT_M / 2 * normals), axis=1))
     sought = np.concatenate((mesh.vertices, NORMAL_WEIGHT_M / 2 * mesh.normals), axis=1)
     distance, nearest = tree.query(sought, k=min(4, len(points)))
     distance, nearest = distance.reshape(len(sought), -1), nearest.reshape(len(sought), -1)
@@ -127,7 +127,8 @@ def _link_mesh(hand: Hand, link: Link) -> trimesh.Trimesh | None:
         # a lost or foreign visual file must not keep anyone from grasping
         meshes = []
     meshes = meshes or [part.mesh for part in hand.parts if part.link == link.name]
-    return trimesh.util.concatenate(meshes) if meshes else None
+    merged = trimesh.util.concatenate(meshes) if meshes else None
+    return merged if isinstance(merged, trimesh.Trimesh) else None
 
 
 def _shape_mesh(hand: Hand, link: str, shape: Shape) -> trimesh.Trimesh:

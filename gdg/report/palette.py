@@ -4,24 +4,24 @@ from __future__ import annotations
 
 import numpy as np
 
-#: Contact scale as sRGB at equal steps of the value: lightness (CIELAB L*) falls evenly from 88
-#: to 27, so that it reads the same in grey and to colour-blind eyes; no contact is neutral grey.
+#: Contact scale as sRGB at equal steps of the value: lightness (CIELAB L*) falls steadily from 88
+#: to 23, so that it reads the same in grey and to colour-blind eyes; no contact is neutral grey.
 CONTACT_SCALE = (
     (222, 221, 219),
-    (250, 203, 125),
-    (246, 146, 66),
-    (222, 85, 62),
-    (168, 36, 84),
-    (99, 14, 98),
+    (244, 180, 100),
+    (238, 130, 60),
+    (212, 78, 62),
+    (163, 37, 84),
+    (98, 15, 98),
 )
 OBJECT_PLAIN = (214, 213, 210)
-HAND = (158, 186, 216)
+HAND = (146, 173, 203)
 #: Dots where the hand touches, on top of the contact scale.
 TOUCHING = (20, 110, 160)
 PASS, FAIL, UNKNOWN = (26, 127, 80), (196, 52, 45), (110, 118, 129)
 
 
-def contact_colors(values: np.ndarray) -> np.ndarray:
+def contact_colors(values: np.ndarray | float) -> np.ndarray:
     """Contact values in [0, 1] as 8-bit sRGB, (..., 3) uint8."""
     steps = np.linspace(0.0, 1.0, len(CONTACT_SCALE))
     scale = np.asarray(CONTACT_SCALE, np.float64)

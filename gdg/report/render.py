@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from types import TracebackType
 
 import numpy as np
 import pyvista
@@ -26,7 +25,7 @@ BORDER = 0.05
 #: How far from a surface others darken it, metres.
 OCCLUSION_RADIUS_M = 0.012
 #: Lights by direction in the camera's frame (right, up, towards the viewer) and strength.
-LIGHTS = (((-0.5, 0.8, 1.0), 0.80), ((0.9, 0.15, 0.7), 0.42), ((0.0, 0.6, -1.0), 0.25))
+LIGHTS = (((-0.5, 0.8, 1.0), 0.60), ((0.9, 0.15, 0.7), 0.46), ((0.0, -0.6, 0.5), 0.16))
 
 Color = tuple[float, float, float]
 
@@ -50,7 +49,7 @@ class Drawn:
 class Renderer:
     """One off-screen window, used for all pictures of one size.
 
-    A context manager: the window is closed at the end.
+    To be closed at the end (``contextlib.closing``).
 
     Args:
         width: of the pictures, pixels.
@@ -64,23 +63,18 @@ class Renderer:
         self._size = (width, height)
         size = [SUPERSAMPLING * length + 2 * BLEED_PX for length in self._size]
         self._plotter = pyvista.Plotter(off_screen=True, window_size=size, lighting="none")
-        self._plotter.set_background(background)
+        self._plotter.set_background(background)  # pyright: ignore[reportArgumentType, reportCallIssue]
         for direction, strength in LIGHTS:
             light = pyvista.Light(light_type="camera light", intensity=strength)
             # the camera light's frame: the camera at (0, 0, 1), looking at the origin
             light.position = direction
             self._plotter.add_light(light)
-        self._plotter.enable_ssao(radius=OCCLUSION_RADIUS_M, bias=0.0006, kernel_size=64)
+        self._plotter.enable_ssao(  # pyright: ignore[reportCallIssue]
+            radius=OCCLUSION_RADIUS_M, bias=0.0006, kernel_size=16
+        )
 
-    def __enter__(self) -> Renderer:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def close(self) -> None:
+        """Frees the window."""
         self._plotter.close()
 
     def add(self, mesh: PictureMesh, color: Color, shine: float = 0.15) -> Drawn:
@@ -92,7 +86,7 @@ class Renderer:
             surface,
             scalars="rgb",
             rgb=True,
-            ambient=0.3,
+            ambient=0.38,
             diffuse=0.85,
             specular=shine,
             specular_power=30,

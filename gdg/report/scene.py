@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from gdg.data.grasps import GraspSet
 from gdg.errors import GdgError
@@ -115,7 +115,7 @@ def _gaps(obj: ObjectModel, surface: torch.Tensor) -> list[np.ndarray]:
 
 
 def _closeness(thing: Points, hand: Points) -> np.ndarray:
-    distance, _ = cKDTree(hand.positions).query(thing.positions)
+    distance, _ = KDTree(hand.positions).query(thing.positions)
     return np.exp(-distance / CLOSENESS_M)
 
 

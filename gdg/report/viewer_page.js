@@ -72,7 +72,7 @@ function make(tag, text = "", className = "", ...children) {
 
 function say(text) {
   byId("empty").textContent = text;
-  byId("empty").style.display = "grid";
+  byId("empty").style.display = "block";
 }
 
 const number = (value, digits = 1) => (value === null || value === undefined ? "-" : value.toFixed(digits));
@@ -227,7 +227,8 @@ function start() {
   buildControls();
   setUp();
   listenToPointers(byId("canvas"));
-  new ResizeObserver(redraw).observe(byId("canvas"));
+  // at once, before the browser paints: a picture of the old size would be stretched for a frame
+  new ResizeObserver(() => draw()).observe(byId("canvas"));
   window.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey || !keys[event.key]) return;
     event.preventDefault();

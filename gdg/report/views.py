@@ -10,7 +10,7 @@ import numpy as np
 AZIMUTHS_DEG = np.arange(0.0, 360.0, 15.0)
 ELEVATIONS_DEG = (-15.0, 20.0, 50.0)
 #: Points hide others in the same cell of the image that lie deeper by the given depth, metres.
-CELL_M, HIDING_DEPTH_M = 0.006, 0.008
+CELL_M, HIDING_DEPTH_M = 0.011, 0.012
 #: The second view differs from the first by at least this angle.
 MIN_ANGLE_DEG = 65.0
 #: Hand points farther from the object's sphere than this (a forearm) may be cut off, metres.

@@ -65,10 +65,8 @@ def fit(
         out: the run's folder.
 
     Raises:
-        GdgError: nothing to choose the best epoch by, or an unreadable checkpoint to resume from.
+        GdgError: an unreadable checkpoint to resume from.
     """
-    if job.keep == "best" and not validation:
-        raise GdgError("keep=best needs validation maps; write keep=last or a val_fraction.")
     data = MapDataset(train, job.points, job.seed)
     batch = job.batch or max(2, min(BATCH, len(data) // MIN_STEPS))
     train_loader, validation_loader = _loader(data, batch, job, shuffled=True), None

@@ -36,7 +36,8 @@ class TrainJob(JobConfig):
         accelerator: Lightning's; ``auto`` takes a GPU if there is one, and says so.
         devices: Lightning's: how many, or ``auto``.
         strategy: Lightning's, e.g. ``ddp``.
-        precision: Lightning's, e.g. ``bf16-mixed``.
+        precision: Lightning's; ``bf16-mixed`` is about three times as fast on processors with
+            bf16 instructions.
         progress: show a progress bar.
     """
 

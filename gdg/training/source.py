@@ -102,6 +102,8 @@ def _test_object_names() -> set[str]:
 
 def _validation_objects(objects: list[str], job: TrainJob) -> set[str]:
     if job.val_fraction == 0:
+        if job.keep == "best":
+            raise GdgError("keep=best needs validation objects; write keep=last or a val_fraction.")
         return set()
     count = max(1, round(job.val_fraction * len(objects)))
     if count >= len(objects):

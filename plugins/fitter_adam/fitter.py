@@ -12,7 +12,7 @@ from torch import Tensor
 from gdg.contact_maps import in_distance
 from gdg.data.contact_map import ContactMap
 from gdg.data.grasps import GraspSet
-from gdg.energies import nearest_point_penetration, penetration_depth, summed_penetration
+from gdg.energies import nearest_point_penetration, penetration
 from gdg.initial_poses import above_surface, around_sphere
 from gdg.kinds.distance import Distance
 from gdg.kinds.fitter import Fitter, Progress
@@ -34,10 +34,10 @@ class Terms:
 
     contact: Float[Tensor, "batch"]
     penetration: Float[Tensor, "batch"]
+    depth: Float[Tensor, "batch"]
     limits: Float[Tensor, "batch"]
     self_penetration: Float[Tensor, "batch"]
     values: Float[Tensor, "batch object_point"]
-    hand_points: Float[Tensor, "batch hand_point 3"]
 
 
 class AdamFitter(Fitter):
@@ -107,20 +107,20 @@ class AdamFitter(Fitter):
         points = hand.place_surface(poses)
         found = self.distance.to_hand(obj.points, obj.normals, points)
         values = self.distance.contact_value(found.distance)
-        if self.options.penetration == "sdf":
-            penetration = summed_penetration(obj, points)
-        else:
-            penetration = NEAREST_WEIGHT * nearest_point_penetration(obj, points)
+        inside = penetration(hand, obj, poses)
+        summed = inside.summed
+        if self.options.penetration == "nearest":
+            summed = NEAREST_WEIGHT * nearest_point_penetration(obj, points)
         overlap = torch.zeros(len(q), device=q.device)
         if self.options.self_weight > 0:
             overlap = hand.self_penetration(poses)
         return Terms(
             contact=(values - targets).abs().mean(-1),
-            penetration=penetration,
+            penetration=summed,
+            depth=inside.depth,
             limits=hand.limit_violation(q),
             self_penetration=overlap,
             values=values,
-            hand_points=points,
         )
 
     def total(self, terms: Terms, fraction: float) -> Float[Tensor, "batch"]:
@@ -147,7 +147,7 @@ class AdamFitter(Fitter):
             "penetration": terms.penetration,
             "limits": terms.limits,
             "self_penetration": terms.self_penetration,
-            "penetration_depth_mm": 1000 * penetration_depth(obj, terms.hand_points),
+            "penetration_depth_mm": 1000 * terms.depth,
         }
         return q[keep].cpu(), {k: v[keep].cpu() for k, v in energies.items()}, terms.values[keep]
 

@@ -83,7 +83,7 @@ class Encoder(nn.Module):
     def forward(self, points: Points, values: Values) -> tuple[Latent, Latent]:
         """Mean and log-variance; ``points`` in metres in the object frame."""
         pooled = _pooled(self.layers, torch.cat((points, values[..., None]), dim=-1))
-        return self.mean(pooled), self.log_variance(pooled)
+        return self.mean(pooled).float(), self.log_variance(pooled).float()
 
 
 class Decoder(nn.Module):
@@ -95,7 +95,7 @@ class Decoder(nn.Module):
         self.overall = shared_layers(POINT_FEATURES, 128, GLOBAL_FEATURES)
         self.layers = shared_layers(POINT_FEATURES + GLOBAL_FEATURES + LATENT, 512, 64, 64, 1)
 
-    def forward(self, points: Points, latent: Latent) -> Values:
+    def forward(self, points: Float[Tensor, "object object_point 3"], latent: Latent) -> Values:
         """Contact values in (0, 1); ``points`` in metres in the object frame.
 
         ``points`` may be one object for many latents: then its batch size is 1.
@@ -123,7 +123,8 @@ class Decoder(nn.Module):
         features = self.layers[0](own.expand(size, -1, -1), shared)
         for layer in self.layers[1:]:
             features = layer(torch.relu(features))
-        return torch.sigmoid(features[..., 0])
+        # in mixed precision the values would otherwise come in steps of 1/256
+        return torch.sigmoid(features[..., 0].float())
 
 
 class PointNetCvae(nn.Module):

@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from gdg.energies import summed_penetration
+from gdg.energies import penetration
 from gdg.force_closure import force_closure_error
 from gdg.kinds.hand_model import HandModel
 from gdg.objects.model import ObjectModel
@@ -37,6 +37,7 @@ class Terms:
     distance: Float[Tensor, "batch"]
     normals: Float[Tensor, "batch"]
     penetration: Float[Tensor, "batch"]
+    depth: Float[Tensor, "batch"]
     self_penetration: Float[Tensor, "batch"]
     limits: Float[Tensor, "batch"]
     contact_distances: Float[Tensor, "batch contact"]
@@ -50,8 +51,13 @@ class GraspEnergy:
         self.hand, self.obj, self.options = hand, obj, options
         self._center = obj.center_of_mass.to(hand.device)
 
-    def terms(self, q: Float[Tensor, "batch dof"], contacts: Contacts) -> Terms:
-        """All terms, differentiable in q and in the contacts' places."""
+    def terms(
+        self, q: Float[Tensor, "batch dof"], contacts: Contacts, stride: int = 1
+    ) -> Terms:
+        """All terms, differentiable in q and in the contacts' places.
+
+        ``stride`` thins the surface points of the penetration term.
+        """
         hand, sdf = self.hand, self.obj.sdf
         poses = hand.link_poses(q)
         local, link = self.contact_points_in_links(contacts)
@@ -59,11 +65,13 @@ class GraspEnergy:
         hand_normals = hand.turn(poses, hand.regions.normals[contacts.region], link)
         normals, distances = sdf.normals(points), sdf.distance(points).abs()
         length = self.obj.radius
+        inside = penetration(hand, self.obj, poses, stride)
         return Terms(
             force_closure=force_closure_error(points - self._center, normals, length),
             distance=distances.sum(-1),
             normals=(1 + (hand_normals * normals).sum(-1)).sum(-1),
-            penetration=summed_penetration(self.obj, hand.place_surface(poses)),
+            penetration=inside.summed,
+            depth=inside.depth,
             self_penetration=hand.self_penetration(poses),
             limits=hand.limit_violation(q),
             contact_distances=distances,

@@ -71,7 +71,10 @@ class Mala:
         # a region is about 20 mm wide, so a logit of 1 is about 5 mm: 50 times a metre's step
         slide = factor[..., None] * 50 * size * chains.place_gradient / (place_scale + 1e-6)
         place = (chains.contacts.place - slide.clamp(-1, 1)).clamp(-MAX_PLACE, MAX_PLACE)
-        return self._evaluate(q, self._switch(Contacts(chains.contacts.region, place)))
+        contacts = Contacts(chains.contacts.region, place)
+        if step < (1 - o.settle_share) * o.steps:
+            contacts = self._switch(contacts)
+        return self._evaluate(q, contacts)
 
     def _switch(self, contacts: Contacts) -> Contacts:
         """Moves one contact of some chains to a random place of a random region."""
@@ -107,7 +110,8 @@ class Mala:
         q = q.detach().requires_grad_(True)
         place = contacts.place.detach().requires_grad_(True)
         movable = Contacts(contacts.region, place)
-        energy = self._energy.total(self._energy.terms(q, movable))
+        terms = self._energy.terms(q, movable, self._options.surface_stride)
+        energy = self._energy.total(terms)
         q_gradient, place_gradient = torch.autograd.grad(energy.sum(), (q, place))
         return Chains(
             q.detach(),

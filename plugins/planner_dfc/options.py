@@ -29,6 +29,9 @@ class DfcOptions(Options):
         step_size: Langevin step at the start; it decays by ``decay`` every ``step_period``.
         temperature: at the start; it decays by ``decay`` every ``temperature_period``.
         switch_probability: chance per step and chain that one contact moves to another region.
+        surface_stride: penetration is summed over every so-manieth surface point while sampling;
+            acceptance tests all of them.
+        settle_share: share of the steps, at the end, in which no contact switches any more.
         max_force_closure: largest accepted ‖G c‖ / n.
         max_distance_m: largest accepted distance of a contact point, metres.
         max_penetration_m: largest accepted depth of a hand point, metres.
@@ -36,22 +39,24 @@ class DfcOptions(Options):
     """
 
     contacts: Annotated[int, Field(ge=2, le=32)] = 4
-    steps: Annotated[int, Field(ge=1)] = 600
+    steps: Annotated[int, Field(ge=1)] = 800
     batch: Annotated[int, Field(ge=1)] = 128
     max_batches: Annotated[int, Field(ge=1)] = 4
-    force_closure_weight: Weight = 4.0
-    distance_weight: Weight = 100.0
-    penetration_weight: Weight = 30.0
+    force_closure_weight: Weight = 6.0
+    distance_weight: Weight = 150.0
+    penetration_weight: Weight = 100.0
     self_weight: Weight = 30.0
     limit_weight: Weight = 10.0
     normal_weight: Weight = 0.2
     step_size: Positive = 0.005
     temperature: Positive = 2.0
     decay: Annotated[float, Field(gt=0, le=1)] = 0.95
-    step_period: Annotated[int, Field(ge=1)] = 15
-    temperature_period: Annotated[int, Field(ge=1)] = 6
+    step_period: Annotated[int, Field(ge=1)] = 20
+    temperature_period: Annotated[int, Field(ge=1)] = 8
     switch_probability: Annotated[float, Field(ge=0, le=1)] = 0.4
-    max_force_closure: Positive = 0.1
-    max_distance_m: Positive = 0.005
-    max_penetration_m: Positive = 0.001
+    surface_stride: Annotated[int, Field(ge=1)] = 4
+    settle_share: Annotated[float, Field(ge=0, le=1)] = 0.3
+    max_force_closure: Positive = 0.25
+    max_distance_m: Positive = 0.006
+    max_penetration_m: Positive = 0.002
     max_self_m: Positive = 0.002

@@ -8,7 +8,6 @@ import torch
 from torch import Tensor
 
 from gdg.data.grasps import GraspSet
-from gdg.energies import penetration_depth
 from gdg.errors import GdgError
 from gdg.initial_poses import above_surface
 from gdg.kinds.fitter import Progress
@@ -73,11 +72,10 @@ class DfcPlanner(Planner):
     ) -> tuple[Tensor, dict[str, Tensor]]:
         hand, obj, o = energy.hand, energy.obj, self.options
         terms = energy.terms(q, contacts)
-        depth = penetration_depth(obj, hand.surface_points(q))
         tests = {
             "not finite": ~torch.isfinite(q).all(-1),
             "contact off the surface": terms.contact_distances.amax(-1) > o.max_distance_m,
-            "penetration": depth > o.max_penetration_m,
+            "penetration": terms.depth > o.max_penetration_m,
             "self-penetration": terms.self_penetration > o.max_self_m,
             "no force closure": terms.force_closure > o.max_force_closure,
         }
@@ -91,7 +89,7 @@ class DfcPlanner(Planner):
             "distance": terms.distance,
             "normals": terms.normals,
             "penetration": terms.penetration,
-            "penetration_depth_mm": 1000 * depth,
+            "penetration_depth_mm": 1000 * terms.depth,
             "self_penetration": terms.self_penetration,
             "limits": terms.limits,
         }

@@ -17,7 +17,8 @@ from .options import SapienOptions
 
 #: PhysX's way of saying that a drive has no force limit.
 UNLIMITED = float(np.finfo(np.float32).max)
-JOINT_TYPES = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
+#: A motor's rotor inertia acts on a prismatic joint as if through a lever this long, metres.
+PRISMATIC_LEVER = 0.05
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,10 @@ class HandArticulation:
         surface: friction and offsets of its shapes.
         protocol: gives drive gains (or leaves them to the hand) and the depenetration speed.
         options: solver iterations and force-limit policy.
-        scene: the scene it is added to.
+
+    Attributes:
+        entities: to be added to a scene, in this order.
+        links: PhysX's links, one per rigid body.
     """
 
     def __init__(
@@ -73,22 +77,17 @@ class HandArticulation:
         surface: Surface,
         protocol: Protocol,
         options: SapienOptions,
-        scene: sapien.Scene,
     ):
         self.hand = hand
         self.bodies = hand_bodies(hand)
-        self._entities: list[sapien.Entity] = []  # links don't keep their entities alive
+        self.entities: list[sapien.Entity] = []  # links don't keep their entities alive
         self.links = self._make_links(surface, protocol)
         self._articulation = self.links[0].articulation
-        for entity in self._entities:
-            scene.add_entity(entity)
         self._articulation.sleep_threshold = 0.0
         self._articulation.solver_position_iterations = options.position_iterations
         self._articulation.solver_velocity_iterations = options.velocity_iterations
         self._set_drives(protocol, options)
-        names = [joint.name for joint in self._articulation.active_joints]
-        #: Positions in ``Hand.moving_joints`` of PhysX's joints, in its order.
-        self._order = [[j.name for j in hand.moving_joints].index(name) for name in names]
+        self._row = {joint.name: row for row, joint in enumerate(hand.moving_joints)}
 
     def _make_links(
         self, surface: Surface, protocol: Protocol
@@ -99,7 +98,7 @@ class HandArticulation:
             link = physx.PhysxArticulationLinkComponent(parent)
             entity = sapien.Entity()
             entity.add_component(link)
-            self._entities.append(entity)
+            self.entities.append(entity)
             meshes = self._attach_shapes(link, body, surface)
             mass = sum(self.hand.urdf.links[name].mass for name in body.Ts_body_link)
             link_mass(mass, meshes).apply(link)
@@ -127,9 +126,9 @@ class HandArticulation:
             made.type = "fixed"
             return
         # PhysX turns and slides along the x axis of the joint's frame
-        T_child_joint = trimesh.geometry.align_vectors([1, 0, 0], body.joint.axis)
+        T_child_joint = np.asarray(trimesh.geometry.align_vectors([1, 0, 0], body.joint.axis))
         made.name = body.joint.name
-        made.type = JOINT_TYPES[body.joint.type]
+        made.type = "prismatic" if body.joint.type == "prismatic" else "revolute"
         made.pose_in_child = pose_from_matrix(T_child_joint)
         made.pose_in_parent = pose_from_matrix(body.T_parent_body @ T_child_joint)
         made.limit = np.array(self._limits(body.joint), np.float32)
@@ -152,17 +151,17 @@ class HandArticulation:
             limited = protocol.drive is None or options.force_limits
             limit = own.force_limit if limited else UNLIMITED
             joint.set_drive_properties(gains.stiffness, gains.damping, limit, "force")
-
-    @property
-    def dof(self) -> int:
-        """Number of moving joints."""
-        return len(self._order)
+            lever = PRISMATIC_LEVER if joint.type == "prismatic" else 1.0
+            joint.armature = np.full(joint.dof, options.armature / lever**2, np.float32)
 
     def place(self, T_world_root: np.ndarray, moving: np.ndarray, targets: np.ndarray) -> None:
         """Puts the hand at rest somewhere; joint values of all moving joints, rad or m."""
+        # PhysX settles the order of its joints only when the articulation enters a scene
+        joints = self._articulation.active_joints
+        order = [self._row[joint.name] for joint in joints]
         self._articulation.set_root_pose(pose_from_matrix(T_world_root))
-        self.set_state(moving[self._order], np.zeros(self.dof))
-        for joint, row in zip(self._articulation.active_joints, self._order, strict=True):
+        self.set_state(moving[order], np.zeros(len(order)))
+        for joint, row in zip(joints, order, strict=True):
             joint.set_drive_target(float(targets[row]))
 
     def state(self) -> tuple[np.ndarray, np.ndarray]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,9 +53,8 @@ class Surface:
 
 
 def new_scene(timestep: float) -> tuple[sapien.Scene, physx.PhysxCpuSystem]:
-    """An empty scene without gravity; ``timestep`` in seconds."""
+    """An empty scene; ``timestep`` in seconds. Bodies turn gravity off one by one."""
     config = physx.PhysxSceneConfig()
-    config.gravity = np.zeros(3, np.float32)
     config.bounce_threshold = BOUNCE_THRESHOLD
     config.enable_pcm = True
     config.enable_tgs = True
@@ -70,10 +70,15 @@ def new_scene(timestep: float) -> tuple[sapien.Scene, physx.PhysxCpuSystem]:
     return sapien.Scene([system]), system
 
 
+def vector(values: Sequence[float] | np.ndarray) -> tuple[float, ...]:
+    """Plain floats, as all of SAPIEN's functions and properties take them."""
+    return tuple(float(value) for value in values)
+
+
 def pose_from_matrix(T: np.ndarray) -> sapien.Pose:
     """SAPIEN's pose of a 4×4 matrix."""
     quat_wxyz = trimesh.transformations.quaternion_from_matrix(np.asarray(T, np.float64))
-    return sapien.Pose(np.asarray(T[:3, 3], np.float32), np.asarray(quat_wxyz, np.float32))
+    return sapien.Pose(vector(T[:3, 3]), vector(quat_wxyz))
 
 
 def part_shape(
@@ -87,7 +92,7 @@ def part_shape(
         surface: friction and offsets.
     """
     if part.kind == "box":
-        half = np.asarray(part.size, np.float32) / 2
+        half = tuple(side / 2 for side in part.size)
         shape = physx.PhysxCollisionShapeBox(half, surface.material)
         shape.local_pose = pose_from_matrix(T_body_link @ part.T_link_part)
     elif part.kind == "sphere":
@@ -106,4 +111,4 @@ def object_shape(mesh: trimesh.Trimesh, surface: Surface) -> physx.PhysxCollisio
 
 def _convex_mesh(mesh: trimesh.Trimesh, surface: Surface) -> physx.PhysxCollisionShape:
     vertices = np.asarray(mesh.vertices, np.float32)
-    return physx.PhysxCollisionShapeConvexMesh(vertices, np.ones(3, np.float32), surface.material)
+    return physx.PhysxCollisionShapeConvexMesh(vertices, (1.0, 1.0, 1.0), surface.material)

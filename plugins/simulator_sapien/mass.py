@@ -10,7 +10,7 @@ import trimesh
 
 from gdg.objects.model import ObjectModel
 
-from .engine import physx, pose_from_matrix
+from .engine import physx, pose_from_matrix, vector
 
 #: Density of hand links without a plausible mass of their own, kg/m³.
 LINK_DENSITY = 1000.0
@@ -45,7 +45,7 @@ class MassProperties:
         T_body_principal[:3, 3] = self.center
         body.mass = self.mass
         body.cmass_local_pose = pose_from_matrix(T_body_principal)
-        body.inertia = self.moments.astype(np.float32)
+        body.set_inertia(vector(self.moments))
 
 
 def object_mass(obj: ObjectModel, density: float) -> MassProperties:

@@ -11,7 +11,7 @@ from gdg.objects.model import ObjectModel
 from gdg.protocols import Protocol
 
 from .articulation import HandArticulation
-from .engine import Surface, new_scene, object_shape, physx, sapien
+from .engine import Surface, new_scene, object_shape, physx, sapien, vector
 from .mass import object_mass
 from .options import SapienOptions
 
@@ -74,11 +74,27 @@ class GraspScene:
     """
 
     def __init__(self, hand: Hand, obj: ObjectModel, protocol: Protocol, options: SapienOptions):
-        self._scene, self._system = new_scene(protocol.timestep_ms / 1000.0)
+        self._timestep = protocol.timestep_ms / 1000.0
         surface = Surface.of_friction(protocol.friction, options.contact_offset_m)
-        self.hand = HandArticulation(hand, surface, protocol, options, self._scene)
+        self.hand = HandArticulation(hand, surface, protocol, options)
         self.body = self._make_object(obj, surface, protocol, options)
+        self._entities = [*self.hand.entities, self._object_entity]
         self._coupling = hand.coupling
+        self._scene, self._system = self._enter_new_scene()
+
+    def _enter_new_scene(self) -> tuple[sapien.Scene, physx.PhysxCpuSystem]:
+        """Moves hand and object, cooked as they are, into an empty PhysX scene.
+
+        A used scene remembers pairs, islands and friction anchors, which makes verdicts depend on
+        the trials before; a new one takes under a millisecond and repeats them to the last bit.
+        """
+        for entity in self._entities:
+            if entity.scene is not None:
+                entity.remove_from_scene()
+        scene, system = new_scene(self._timestep)
+        for entity in self._entities:
+            scene.add_entity(entity)
+        return scene, system
 
     def _make_object(
         self, obj: ObjectModel, surface: Surface, protocol: Protocol, options: SapienOptions
@@ -94,9 +110,8 @@ class GraspScene:
         body.sleep_threshold = 0.0
         body.solver_position_iterations = options.position_iterations
         body.solver_velocity_iterations = options.velocity_iterations
-        entity = sapien.Entity()
-        entity.add_component(body)
-        self._scene.add_entity(entity)
+        self._object_entity = sapien.Entity()
+        self._object_entity.add_component(body)
         return body
 
     def reset(self, T_object_root: np.ndarray, joints: np.ndarray, targets: np.ndarray) -> None:
@@ -107,13 +122,10 @@ class GraspScene:
             joints: actuated joints, rad or m.
             targets: what the drives aim at, same order and units.
         """
-        moving, goals = self._all_joints(joints), self._all_joints(targets)
-        # a step apart makes PhysX forget the contacts and friction anchors of the last trial
-        self._place_object(sapien.Pose([FAR_AWAY, 0, 0]))
-        self.hand.place(T_object_root, moving, moving)
-        self._system.step()
-        self._place_object(sapien.Pose())
-        self.hand.place(T_object_root, moving, goals)
+        self._scene, self._system = self._enter_new_scene()
+        zero = np.zeros(3, np.float32)
+        self._place_object(sapien.Pose(), zero, zero)
+        self.hand.place(T_object_root, self._all_joints(joints), self._all_joints(targets))
 
     def reset_alone(self) -> None:
         """Starts a trial in which the object floats free of the hand."""
@@ -126,10 +138,10 @@ class GraspScene:
         matrix, offset = self._coupling
         return matrix @ actuated + offset
 
-    def _place_object(self, pose: sapien.Pose) -> None:
-        self.body.entity.pose = pose
-        self.body.linear_velocity = np.zeros(3, np.float32)
-        self.body.angular_velocity = np.zeros(3, np.float32)
+    def _place_object(self, pose: sapien.Pose, linear: np.ndarray, angular: np.ndarray) -> None:
+        self._object_entity.pose = pose
+        self.body.set_linear_velocity(vector(linear))
+        self.body.set_angular_velocity(vector(angular))
 
     def step(self, count: int, acceleration: np.ndarray | None = None) -> None:
         """Simulates ``count`` steps under a force of acceleration (m/s²) × mass at the centre."""
@@ -138,19 +150,19 @@ class GraspScene:
             for _ in range(count):
                 step()
             return
-        force, torque = np.asarray(acceleration, np.float32), np.zeros(3, np.float32)
+        force, torque = vector(acceleration), (0.0, 0.0, 0.0)
         for _ in range(count):
             push(force, torque, "acceleration")
             step()
 
     def object_state(self) -> ObjectState:
         """The object now."""
-        pose = self.body.entity.pose
+        pose = self._object_entity.pose
         return ObjectState(
-            (pose * self.body.cmass_local_pose).p.astype(np.float64),
-            pose.q.astype(np.float64),
-            self.body.linear_velocity.astype(np.float64),
-            self.body.angular_velocity.astype(np.float64),
+            np.array((pose * self.body.cmass_local_pose).p.tolist()),
+            np.array(pose.q.tolist()),
+            np.array(self.body.linear_velocity.tolist()),
+            np.array(self.body.angular_velocity.tolist()),
         )
 
     def touch(self) -> Touch:
@@ -163,22 +175,37 @@ class GraspScene:
                 touching |= loaded or point.separation <= TOUCHING_GAP
         return Touch(touching, overlap)
 
+    def forces(self) -> dict[str, float]:
+        """Force of each body of the hand that touches the object in the last step, newton."""
+        impulses: dict[str, np.ndarray] = {}
+        for contact in self._system.get_contacts():
+            name = next(body.name for body in contact.bodies if body is not self.body and body.name)
+            total = np.sum([point.impulse for point in contact.points], axis=0)
+            impulses[name] = impulses.get(name, np.zeros(3)) + total
+        return {name: float(np.linalg.norm(v)) / self._timestep for name, v in impulses.items()}
+
     def save(self) -> Snapshot:
         """The state of hand and object, velocities included."""
-        return Snapshot(self.hand.state(), self.body.entity.pose, self.object_state())
+        velocities = (self.body.linear_velocity.copy(), self.body.angular_velocity.copy())
+        return Snapshot(self.hand.state(), self._object_entity.pose, velocities)
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Returns to a saved state."""
-        self._place_object(snapshot.pose)
-        self.body.linear_velocity = snapshot.object_state.linear.astype(np.float32)
-        self.body.angular_velocity = snapshot.object_state.angular.astype(np.float32)
+        """Returns to a saved state; drive targets are those of the last ``reset``."""
+        self._scene, self._system = self._enter_new_scene()
+        self._place_object(snapshot.object_pose, *snapshot.object_velocities)
         self.hand.set_state(*snapshot.joints)
 
 
 @dataclass(frozen=True)
 class Snapshot:
-    """What ``GraspScene.restore`` needs."""
+    """What ``GraspScene.restore`` needs.
+
+    Attributes:
+        joints: positions and velocities in PhysX's order, rad and rad/s (m and m/s).
+        object_pose: of the object's frame.
+        object_velocities: linear (m/s) and angular (rad/s).
+    """
 
     joints: tuple[np.ndarray, np.ndarray]
-    pose: sapien.Pose
-    object_state: ObjectState
+    object_pose: sapien.Pose
+    object_velocities: tuple[np.ndarray, np.ndarray]

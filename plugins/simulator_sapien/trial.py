@@ -136,7 +136,8 @@ def _start_failure(protocol: Protocol, settled: ObjectState, overlap: float, dri
 
 def _push_failure(protocol: Protocol, pushes: list[Push]) -> str:
     success = protocol.success
-    judged = pushes[-1:] if success.measured == "total" else pushes
+    together = success.measured == "total" and protocol.pushes.order == "sequential"
+    judged = pushes[-1:] if together else pushes
     if success.contact and not all(push.touching for push in pushes):
         return "lost-contact"
     if any(push.displacement > success.max_displacement_m for push in judged):
@@ -148,7 +149,7 @@ def _push_failure(protocol: Protocol, pushes: list[Push]) -> str:
 
 
 def _cut_short(failure: str, drift: float, overlap: float) -> Trial:
-    """A trial without pushes: nothing was measured, so displacements are infinite."""
+    """A trial that ended before its pushes were done: NaN stands for what was not measured."""
     count = len(DIRECTIONS)
-    nothing = (float("inf"),) * count
-    return Trial(failure, nothing, nothing, drift, (False,) * count, overlap)
+    unknown = (float("nan"),) * count
+    return Trial(failure, unknown, unknown, drift, (False,) * count, overlap)
