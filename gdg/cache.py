@@ -58,7 +58,7 @@ def cached_arrays(kind: str, key: str, compute: Callable[[], Arrays]) -> Arrays:
     arrays = compute()
     try:
         with atomic_path(path) as temporary, temporary.open("wb") as stream:
-            np.savez(stream, **arrays)
+            np.savez(stream, allow_pickle=False, **arrays)
     except OSError as error:
         raise GdgError(
             f"{path}: the cache cannot be written: {error.strerror or error}. Set GDG_CACHE to a "

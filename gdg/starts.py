@@ -55,7 +55,11 @@ def contact_aware_targets(
     object's normal; the joints take one step down the gradient of the mean squared distance to
     these goals. The step is scaled so that the joint that moves most moves by ``size`` (rad, or
     m for a prismatic joint): the source's raw step depends on the number of points. With
-    ``sign`` every joint that moves a contact moves by ``size``, as in the release. The root stays.
+    ``sign`` every joint that moves a contact moves by ``size``, as in the release.
+
+    The root stays, and so do joints that take no part in closing (whose open and closed postures
+    are equal): the release turns a ShadowHand's wrist by 0.5 rad too, which carries the object
+    off.
     """
     joints = q[:, ROOT_DIM:].detach().clone().requires_grad_(True)
     points = hand.surface_points(torch.cat((q[:, :ROOT_DIM], joints), dim=-1))
@@ -64,6 +68,7 @@ def contact_aware_targets(
     goals = points.detach() - (distance[..., None] + refinement.depth_m) * normals
     loss = torch.where(near, (points - goals).square(), torch.zeros_like(points)).sum()
     (gradient,) = torch.autograd.grad(loss, joints)
+    gradient = torch.where(hand.open_posture == hand.closed_posture, 0.0, gradient)
     if refinement.step == "sign":
         direction = torch.where(gradient.abs() > 1e-9, gradient.sign(), 0.0)
     else:

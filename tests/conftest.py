@@ -7,7 +7,12 @@ from pathlib import Path
 
 import pytest
 import torch
+from hypothesis import settings
 from jaxtyping import install_import_hook
+
+# the same examples in every run; imports and first calls take as long as they take
+settings.register_profile("gdg", deadline=None, derandomize=True, database=None, max_examples=50)
+settings.load_profile("gdg")
 
 # Every annotated function and dataclass of these is checked when it is called. The rest (command
 # line, config, registry) handles no arrays, and checking it would add seconds to each run;

@@ -10,17 +10,27 @@ OPEN_M = 0.05
 URDF = """\
 <robot name="two_jaws">
   <link name="base">
-    <inertial><mass value="0.3"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>
-    <collision><origin xyz="0 0 -0.02"/><geometry><box size="0.04 0.14 0.02"/></geometry></collision>
+    <inertial>
+      <mass value="0.3"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>
+    </inertial>
+    <collision>
+      <origin xyz="0 0 -0.02"/><geometry><box size="0.04 0.14 0.02"/></geometry>
+    </collision>
   </link>
   <link name="palm">
-    <collision><origin xyz="0 0 -0.005"/><geometry><box size="0.04 0.12 0.01"/></geometry></collision>
+    <collision>
+      <origin xyz="0 0 -0.005"/><geometry><box size="0.04 0.12 0.01"/></geometry>
+    </collision>
   </link>
   <link name="left">
-    <collision><origin xyz="0 0.005 0.035"/><geometry><box size="0.03 0.01 0.06"/></geometry></collision>
+    <collision>
+      <origin xyz="0 0.005 0.035"/><geometry><box size="0.03 0.01 0.06"/></geometry>
+    </collision>
   </link>
   <link name="right">
-    <collision><origin xyz="0 -0.005 0.035"/><geometry><box size="0.03 0.01 0.06"/></geometry></collision>
+    <collision>
+      <origin xyz="0 -0.005 0.035"/><geometry><box size="0.03 0.01 0.06"/></geometry>
+    </collision>
   </link>
   <joint name="palm_fixed" type="fixed"><parent link="base"/><child link="palm"/></joint>
   <joint name="close" type="prismatic">

@@ -121,8 +121,9 @@ def test_the_home_directory_is_expanded(monkeypatch: pytest.MonkeyPatch, tmp_pat
 
 def test_the_hash_tells_parts_and_their_borders_apart():
     hashes = [
-        content_hash("ab", "c"), content_hash("a", "bc"), content_hash("abc"), content_hash("c", "ab"),
-        content_hash(1), content_hash(1.0), content_hash("1"), content_hash(),
+        content_hash("ab", "c"), content_hash("a", "bc"), content_hash("abc"),
+        content_hash("c", "ab"), content_hash(1), content_hash(1.0), content_hash("1"),
+        content_hash(),
     ]  # fmt: skip
     assert len(set(hashes)) == len(hashes)
     assert content_hash("ab", 1, 0.5, b"x") == content_hash("ab", 1, 0.5, b"x")

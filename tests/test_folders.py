@@ -199,7 +199,7 @@ def test_hidden_files_are_no_gadgets(tmp_path: Path, monkeypatch: pytest.MonkeyP
 def test_an_unknown_name_gets_a_suggestion(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     gadget(tmp_path / "a", "gripper")
     search(monkeypatch, tmp_path / "a")
-    with pytest.raises(GdgError, match="Unknown gadget 'griper'. Did you mean 'gripper'?"):
+    with pytest.raises(GdgError, match=r"Unknown gadget 'griper'\. Did you mean 'gripper'\?"):
         KIND.find("griper")
 
 

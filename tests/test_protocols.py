@@ -41,20 +41,17 @@ def test_the_release_settles_for_200_steps():
     assert load_protocol("gendexgrasp-2022").start.settle_steps == 200
 
 
-@pytest.mark.parametrize("name", protocol_names())
+@pytest.mark.parametrize("name", PUBLISHED)
 def test_what_a_preset_adds_to_its_source_is_said(name: str):
     protocol = load_protocol(name)
-    stricter = (
-        protocol.success.contact,
-        protocol.start.max_penetration_m is not None,
-        protocol.start.max_drift_m is not None,
-        protocol.shifts.count > 0,
-    )
-    assert any(stricter) == bool(protocol.deviations)
+    assert protocol.success.contact
+    assert protocol.start.max_penetration_m is not None
+    assert protocol.start.max_drift_m is not None
+    assert protocol.deviations
 
 
 def test_an_unknown_name_gets_a_suggestion():
-    with pytest.raises(GdgError, match="Unknown protocol 'dro2024'. Did you mean 'dro-2024'?"):
+    with pytest.raises(GdgError, match=r"Unknown protocol 'dro2024'\. Did you mean 'dro-2024'\?"):
         load_protocol("dro2024")
 
 

@@ -204,12 +204,12 @@ def test_a_hook_with_an_unknown_argument_fails_its_plugin():
 
 def test_strict_mode_raises_at_the_first_broken_plugin():
     registry = Registry(strict=True)
-    with pytest.raises(GdgError, match="plugin 'broken' .* is broken: .*unknown kind"):
+    with pytest.raises(GdgError, match=r"plugin 'broken' .* is broken: .*unknown kind"):
         registry.register(Plugin(replace(GOOD, kind="x")), "broken")
 
 
 def test_an_unknown_name_gets_a_suggestion():
-    with pytest.raises(GdgError, match="Unknown generator 'mien'. Did you mean 'mine'?"):
+    with pytest.raises(GdgError, match=r"Unknown generator 'mien'\. Did you mean 'mine'\?"):
         registry_of(GOOD).find("generator", "mien")
 
 
@@ -225,9 +225,9 @@ def test_an_unknown_name_mentions_the_plugins_that_failed():
 
 
 def test_an_unknown_kind_gets_a_suggestion():
-    with pytest.raises(GdgError, match="'fiter'. Did you mean 'fitter'?"):
+    with pytest.raises(GdgError, match=r"'fiter'\. Did you mean 'fitter'\?"):
         Registry().find("fiter", "adam")
-    with pytest.raises(GdgError, match="'fiter'. Did you mean 'fitter'?"):
+    with pytest.raises(GdgError, match=r"'fiter'\. Did you mean 'fitter'\?"):
         Registry().components("fiter")
 
 
@@ -242,7 +242,7 @@ def test_two_providers_are_an_error_only_when_the_bare_name_is_used():
 
 
 def test_a_wrong_provider_gets_a_suggestion():
-    with pytest.raises(GdgError, match="Did you mean 'mine-plugin/mine'?"):
+    with pytest.raises(GdgError, match=r"Did you mean 'mine-plugin/mine'\?"):
         registry_of(GOOD).find("generator", "mine-plugn/mine")
 
 
@@ -264,7 +264,7 @@ def test_missing_packages_are_named_with_the_pip_command_only_on_use():
     assert registry.plugins[0].failure is None
     found = registry.find("generator", "mine")
     assert found.missing_requirements() == ("no_such_a", "no_such_b.part")
-    with pytest.raises(GdgError, match="'no_such_a' and 'no_such_b.part'") as caught:
+    with pytest.raises(GdgError, match=r"'no_such_a' and 'no_such_b\.part'") as caught:
         replace(found, distribution="acme-grasp").load()
     assert "pip install 'acme-grasp[fast]'" in str(caught.value)
 
@@ -321,7 +321,13 @@ def raising(error: BaseException) -> Callable[[], Any]:
 
 @pytest.mark.parametrize(
     "error",
-    [ImportError("no torch"), SyntaxError("oops"), RuntimeError("cuda"), SystemExit(3), KeyError(1)],
+    [
+        ImportError("no torch"),
+        SyntaxError("oops"),
+        RuntimeError("cuda"),
+        SystemExit(3),
+        KeyError(1),
+    ],
 )
 def test_a_plugin_that_cannot_be_imported_is_listed_as_failed(
     monkeypatch: pytest.MonkeyPatch, error: BaseException

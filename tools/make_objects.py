@@ -397,7 +397,9 @@ def write(recipe: Recipe, out: Path) -> trimesh.Trimesh:
     tree = spec.model_dump(exclude_none=True)
     text = yaml.safe_dump(tree, sort_keys=False, width=100, allow_unicode=True)
     (folder / MANIFEST).write_text(text, encoding="utf-8", newline="\n")
-    (folder / spec.mesh).write_bytes(mesh.export(file_type="stl"))
+    data = mesh.export(file_type="stl")
+    assert isinstance(data, bytes)
+    (folder / spec.mesh).write_bytes(data)
     return mesh
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -106,7 +107,7 @@ def rounded_box(size: Sequence[float], radius: float = 2.0, edge: float = EDGE) 
     """
     half = np.asarray(size, dtype=float) / 2
     ticks = [_box_ticks(h, radius, edge) for h in half]
-    box = trimesh.util.concatenate([_box_side(ticks, axis, sign) for axis in range(3)
+    box: Any = trimesh.util.concatenate([_box_side(ticks, axis, sign) for axis in range(3)
                                     for sign in (0, -1)])  # fmt: skip
     box.merge_vertices()
     inner = np.clip(box.vertices, radius - half, half - radius)

@@ -5,14 +5,17 @@ from __future__ import annotations
 import logging
 import struct
 from pathlib import Path
+from typing import Any
 
-import collada
 import defusedxml
 import defusedxml.ElementTree
 import numpy as np
 import trimesh
+from collada.common import DaeError
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
+from trimesh.exchange.stl import HeaderError
+from trimesh.resolvers import Resolver
 
 from gdg.errors import GdgError
 
@@ -25,7 +28,7 @@ MESH_SUFFIXES = (".stl", ".obj", ".ply", ".off", ".dae")
 PARSER_ERRORS = (
     ArithmeticError, AssertionError, AttributeError, BufferError, EOFError, ImportError,
     LookupError, MemoryError, NameError, OSError, RuntimeError, SyntaxError, TypeError, ValueError,
-    collada.common.DaeError, struct.error, trimesh.exchange.stl.HeaderError,
+    DaeError, HeaderError, struct.error,
 )  # fmt: skip
 
 
@@ -91,8 +94,8 @@ def _parse(path: Path) -> trimesh.Trimesh:
 
 def _collada_unit(path: Path) -> float:
     """Metres per unit of a COLLADA file, which is also checked for entities."""
-    root = defusedxml.ElementTree.parse(path, forbid_dtd=True).getroot()
-    unit = root.find("{*}asset/{*}unit")
+    tree = defusedxml.ElementTree.parse(path, forbid_dtd=True)
+    unit = tree.find("{*}asset/{*}unit")
     return 1.0 if unit is None else float(unit.get("meter", "1"))
 
 
@@ -100,14 +103,14 @@ def _one_line(error: Exception) -> str:
     return " ".join(str(error).split())[:200] or type(error).__name__
 
 
-class _NoResolver(trimesh.visual.resolvers.Resolver):
+class _NoResolver(Resolver):
     """Refuses every further file (materials, textures) that a mesh file names."""
 
     def __init__(self) -> None:
         """Nothing to resolve against."""
 
-    def get(self, name: str) -> bytes:
-        raise FileNotFoundError(name)
+    def get(self, key: str) -> bytes:
+        raise FileNotFoundError(key)
 
     def keys(self) -> list[str]:
         return []
@@ -150,8 +153,14 @@ def sample_surface(mesh: trimesh.Trimesh, count: int, seed: int) -> tuple[np.nda
     Returns:
         points (count, 3) and normals (count, 3), in the mesh's frame and units.
     """
-    points, faces = trimesh.sample.sample_surface(mesh, count, seed=seed)
-    return np.asarray(points), np.asarray(mesh.face_normals[faces])
+    sampled: Any = trimesh.sample.sample_surface(mesh, count, seed=seed)
+    return np.asarray(sampled[0]), np.asarray(mesh.face_normals[sampled[1]])
+
+
+def signed_volume(mesh: trimesh.Trimesh) -> float:
+    """Volume that a mesh encloses, negative for one that is inside out; 0 for a sheet."""
+    first, second, third = mesh.triangles.transpose(1, 0, 2)
+    return float(np.einsum("ij,ij->", first, np.cross(second, third)) / 6)
 
 
 def farthest_points(points: np.ndarray, count: int) -> np.ndarray:

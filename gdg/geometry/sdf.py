@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import igl
 import numpy as np
@@ -91,7 +92,7 @@ class SignedDistanceGrid:
             padding_mode="border",
             align_corners=True,
         )
-        return sampled[..., 0, 0].transpose(1, 2).reshape(len(points), -1)
+        return sampled[..., 0, 0].transpose(1, 2).reshape(len(points), len(field))
 
     def zero_surface(self) -> trimesh.Trimesh:
         """The closed surface at distance zero, by marching cubes; object frame, metres."""
@@ -105,7 +106,7 @@ class SignedDistanceGrid:
         values = self.values.cpu().numpy().ravel(order="F")
         surface = grid.contour([0.0], scalars=values, method="flying_edges").triangulate()
         mesh = trimesh.Trimesh(surface.points, surface.faces.reshape(-1, 4)[:, 1:])
-        if mesh.volume < 0:
+        if len(mesh.faces) and mesh.volume < 0:
             mesh.invert()
         return mesh
 
@@ -126,7 +127,7 @@ def signed_distance_arrays(mesh: trimesh.Trimesh) -> dict[str, np.ndarray]:
     band = _near_surface(mesh, nodes, spacing)
     distance, closest = _exact(mesh, nodes, band)
     sign = _signs(mesh, nodes, band)
-    nearest = distance_transform_edt(~band, return_distances=False, return_indices=True)
+    nearest: Any = distance_transform_edt(~band, return_distances=False, return_indices=True)
     far = np.linalg.norm(nodes - closest[tuple(nearest)], axis=-1)
     values = sign * np.where(band, distance, far)
     return {
@@ -151,7 +152,7 @@ def _near_surface(mesh: trimesh.Trimesh, nodes: np.ndarray, spacing: float) -> n
     near = np.zeros(nodes.shape[:3], bool)
     index = np.round((cloud - nodes[0, 0, 0]) / spacing).astype(int)
     near[tuple(np.clip(index, 0, np.array(near.shape) - 1).T)] = True
-    return distance_transform_edt(~near) <= BAND_CELLS
+    return np.asarray(distance_transform_edt(~near)) <= BAND_CELLS
 
 
 def _exact(
@@ -169,7 +170,8 @@ def _signs(mesh: trimesh.Trimesh, nodes: np.ndarray, band: np.ndarray) -> np.nda
     """-1 inside, +1 outside: per node in the band, per connected region elsewhere."""
     sign = np.ones(band.shape)
     sign[band] = np.where(winding_numbers(mesh, nodes[band]) > 0.5, -1.0, 1.0)
-    regions, count = label(~band)
+    labelled: Any = label(~band)
+    regions, count = labelled
     names, first = np.unique(regions, return_index=True)
     representatives = nodes.reshape(-1, 3)[first]
     region_sign = np.ones(count + 1)

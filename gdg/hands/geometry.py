@@ -24,6 +24,8 @@ DECOMPOSITION = Decomposition(gap_m=0.0008, max_parts=8)
 MAX_LINK_EXTENT_M = 2.0
 #: Samples taken per surface point kept, so that farthest-point sampling has a choice.
 OVERSAMPLING = 8
+#: A surface point is hidden when, this far out along its normal, there is another part, metres.
+HIDDEN_STEP_M = 2e-4
 #: Sphere covers: at most this many per link, none thinner than this share of the thickest.
 MAX_SPHERES_PER_LINK = 8
 MIN_SPHERE_SHARE = 0.4
@@ -155,7 +157,7 @@ def _primitive_mesh(shape: Shape) -> trimesh.Trimesh:
 
 def hand_surface(urdf: Urdf, parts: tuple[ConvexPart, ...], count: int, seed: int) -> Surface:
     """``count`` points on the outside of the union of each link's parts; cached on disk."""
-    key = content_hash("hand-surface-2", *_signature(urdf, parts), count, seed)
+    key = content_hash("hand-surface-3", *_signature(urdf, parts), count, seed)
     arrays = cached_arrays("surface", key, lambda: _sample(urdf, parts, count, seed))
     return Surface(arrays["points"], arrays["normals"], arrays["link_index"])
 
@@ -172,8 +174,9 @@ def _sample(
         siblings = [o.mesh for o in parts if o is not part and o.link == part.link]
         hidden = np.zeros(len(p), bool)
         for sibling in siblings:
-            # 10 µm: faces that two parts share (a cylinder and its cap) stay
-            hidden |= inside_convex(sibling, p, margin=1e-5)
+            # a step outward, so that of the faces that two parts share those in front of the
+            # other part go (a cut through a mesh) and those beside it stay (a flush cap)
+            hidden |= inside_convex(sibling, p + HIDDEN_STEP_M * n, margin=0.0)
         points.append(p[~hidden])
         normals.append(n[~hidden])
         index.append(np.full(int((~hidden).sum()), links.index(part.link)))

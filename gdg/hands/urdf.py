@@ -279,7 +279,8 @@ def _end(element: Element, role: str, where: str, mistakes: list[str]) -> str:
 def _origin(element: Element, where: str, mistakes: list[str]) -> np.ndarray:
     """The pose that an element's ``<origin>`` gives; the identity where there is none."""
     origin, zero = element.find("origin"), (0.0, 0.0, 0.0)
-    pose = trimesh.transformations.euler_matrix(*_numbers(origin, "rpy", zero, where, mistakes, 3))
+    roll, pitch, yaw = _numbers(origin, "rpy", zero, where, mistakes, 3)
+    pose = trimesh.transformations.euler_matrix(roll, pitch, yaw, "sxyz")
     pose[:3, 3] = _numbers(origin, "xyz", zero, where, mistakes, 3)
     return pose
 

@@ -1,0 +1,1 @@
+"""The kinds of components: one abstract class each, and the data they exchange."""

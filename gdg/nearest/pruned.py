@@ -48,7 +48,7 @@ def _bound_blocks(
     normal: np.ndarray,
     centers: np.ndarray,
     radii: np.ndarray,
-    twice: float,
+    twice: np.float32,
     bounds: np.ndarray,
 ) -> None:
     """Lower bounds of every block's scores.
@@ -78,8 +78,8 @@ def _score_block(
     hand: np.ndarray,
     low: int,
     high: int,
-    twice: float,
-    epsilon: float,
+    twice: np.float32,
+    epsilon: np.float32,
     scores: np.ndarray,
 ) -> None:
     for h in range(low, high):

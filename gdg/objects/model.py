@@ -33,7 +33,7 @@ MAX_OPEN_SHARE = 0.05
 #: Probes this far on either side of the surface tell inside from outside, metres.
 PROBE_M = 1e-4
 #: Parts follow the surface closely, so that simulated contacts are where the contact map says.
-DECOMPOSITION = Decomposition(gap_m=0.0001, max_parts=64)
+DECOMPOSITION = Decomposition(gap_m=0.0001, max_parts=96)
 
 
 @dataclass(frozen=True)

@@ -39,7 +39,7 @@ class AdamOptions(Options):
     start: Literal["sphere", "surface"] = "sphere"
     start_factor: Annotated[float, Field(gt=0)] = 1.0
     penetration: Literal["sdf", "nearest"] = "sdf"
-    penetration_weight: Weight = 1.0
+    penetration_weight: Weight = 0.1
     penetration_ramp: Annotated[float, Field(ge=1)] = 30.0
     limit_weight: Weight = 1.0
     self_weight: Weight = 1.0

@@ -80,6 +80,7 @@ class HandArticulation:
     ):
         self.hand = hand
         self.bodies = hand_bodies(hand)
+        self._row = {joint.name: row for row, joint in enumerate(hand.moving_joints)}
         self.entities: list[sapien.Entity] = []  # links don't keep their entities alive
         self.links = self._make_links(surface, protocol)
         self._articulation = self.links[0].articulation
@@ -87,7 +88,6 @@ class HandArticulation:
         self._articulation.solver_position_iterations = options.position_iterations
         self._articulation.solver_velocity_iterations = options.velocity_iterations
         self._set_drives(protocol, options)
-        self._row = {joint.name: row for row, joint in enumerate(hand.moving_joints)}
 
     def _make_links(
         self, surface: Surface, protocol: Protocol
@@ -139,7 +139,7 @@ class HandArticulation:
         if joint.name in self.hand.spec.joints:
             return joint.lower, joint.upper
         matrix, offset = self.hand.coupling
-        row = self.hand.moving_joints.index(joint)
+        row = self._row[joint.name]
         ends = np.outer(matrix[row], [1, 1]) * np.array(self.hand.limits()).T
         low, high = ends.min(1).sum() + offset[row], ends.max(1).sum() + offset[row]
         return min(joint.lower, low), max(joint.upper, high)

@@ -18,16 +18,16 @@ class SapienOptions(Options):
         contact_offset_m: PhysX makes contacts between shapes nearer than the sum of their
             offsets; this is the offset of each, metres.
         force_limits: whether the hand's own force limits bound the drives of a protocol that
-            sets their gains. Off, as in the releases, whose drives are practically unlimited. A
-            protocol without gains takes gains and limits from the hand.
-        armature: inertia of the motors' rotors as each joint feels it, kg m². Zero as in the
-            releases. PhysX then delivers only a small part of a stiff drive's torque, the less the
-            lighter the link and the fewer the iterations; about 1e-3, with ``force_limits``, makes
-            grip forces those of the drives.
+            sets their gains. The releases' drives are practically unlimited, and crush what they
+            hold. A protocol without gains takes gains and limits from the hand.
+        armature: inertia of the motors' rotors as each joint feels it, kg m². Zero in the
+            releases; PhysX then delivers only a small part of a stiff drive's torque, the less the
+            lighter the link and the fewer the iterations. At 1e-3, with ``force_limits``, grip
+            forces are those of the drives, whatever the number of iterations.
     """
 
     position_iterations: Annotated[int, Field(ge=1, le=255)] = 20
     velocity_iterations: Annotated[int, Field(ge=0, le=255)] = 1
     contact_offset_m: Annotated[float, Field(gt=0, le=0.02)] = 0.002
-    force_limits: bool = False
-    armature: Annotated[float, Field(ge=0, le=1)] = 0.0
+    force_limits: bool = True
+    armature: Annotated[float, Field(ge=0, le=1)] = 1e-3

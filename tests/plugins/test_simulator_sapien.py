@@ -12,6 +12,8 @@ from gdg_plugins.simulator_sapien.options import SapienOptions
 from gdg_plugins.simulator_sapien.scene import GraspScene
 from gdg_plugins.simulator_sapien.simulator import SapienSimulator
 from gdg_plugins.simulator_sapien.trial import Start, run_trial
+from gripper import OPEN_M
+from real_hands import HANDS as REAL_HANDS
 
 from gdg.data.grasps import GraspSet
 from gdg.data.verdict import DIRECTIONS, Verdict
@@ -23,12 +25,15 @@ from gdg.protocols import Protocol, load_protocol
 from gdg.registry import get_registry
 from gdg.rotations import random_rotations
 
-from ..gripper import OPEN_M, write_gripper
-
-HANDS = Path(__file__).resolve().parents[2] / "hands"
+BUNDLED = Path(__file__).resolve().parents[2] / "hands"
 PRESETS = ("dro-2024", "gendexgrasp-2022")
 #: Height of the base under the middle of the object, so that the jaws close on its middle.
 BASE_BELOW_M = 0.035
+
+
+def model_of(hand: Hand) -> HandModel:
+    record = get_registry().find("hand-model", "pytorch-kinematics")
+    return record.load()(record.options(surface_points=200), hand, torch.device("cpu"))
 
 
 def protocol_of(name: str, shifts: int = 0, **changes: object) -> Protocol:
@@ -83,7 +88,9 @@ def test_firm_grasp_passes(preset: str, gripper_model: HandModel, cube: ObjectMo
 
 
 @pytest.mark.parametrize("preset", PRESETS)
-def test_absent_hand_fails_in_all_six_directions(preset: str, gripper_model: HandModel, cube: ObjectModel):
+def test_absent_hand_fails_in_all_six_directions(
+    preset: str, gripper_model: HandModel, cube: ObjectModel
+):
     protocol = protocol_of(preset, pushes={"order": "reset"}, success={"measured": "per-push"})
     verdict = verdict_of(gripper_model, cube, grasp_of(cube, shift=1.0), protocol)
     assert not verdict.success
@@ -111,7 +118,7 @@ class Welded(SapienSimulator):
 @pytest.mark.parametrize("preset", PRESETS)
 def test_welded_object_passes(preset: str, gripper_model: HandModel, cube: ObjectModel):
     grasps = grasp_of(cube, squeeze=0.0005)
-    (verdict,) = Welded(SapienOptions()).simulate(gripper_model_model, cube, grasps, protocol_of(preset))
+    (verdict,) = Welded(SapienOptions()).simulate(gripper_model, cube, grasps, protocol_of(preset))
     assert verdict.success
     assert max(verdict.displacement_m) < 1e-6
     assert verdict.free_displacement_m < 1e-6
@@ -163,7 +170,9 @@ def test_free_displacement_is_that_of_the_equations_of_motion(
     verdict = verdict_of(gripper_model, cube, grasp_of(cube), protocol)
     dt, speed, way = protocol.timestep_ms / 1000, 0.0, 0.0
     for _ in range(protocol.pushes.steps):
-        speed = (speed + protocol.pushes.acceleration * dt) * (1 - protocol.body.linear_damping * dt)
+        speed = (speed + protocol.pushes.acceleration * dt) * (
+            1 - protocol.body.linear_damping * dt
+        )
         way += speed * dt
     assert verdict.free_displacement_m == pytest.approx(way, rel=1e-3)
     # half a t² without damping; the steps of the simulation add one per cent
@@ -228,14 +237,19 @@ def test_object_has_the_mass_and_inertia_of_its_shape(gripper_model: HandModel):
 
 def test_rotation_beyond_the_limit_fails(gripper_model: HandModel, cube: ObjectModel):
     success = {"max_rotation_rad": 1e-9, "measured": "per-push"}
-    verdict = verdict_of(gripper_model, cube, grasp_of(cube), protocol_of("dro-2024", success=success))
+    verdict = verdict_of(
+        gripper_model, cube, grasp_of(cube), protocol_of("dro-2024", success=success)
+    )
     assert verdict.failure == "rotated"
 
 
 def test_overlap_that_remains_fails(gripper_model: HandModel, cube: ObjectModel):
     start = {"settle_steps": 1, "max_penetration_m": 0.002, "max_depenetration_velocity": 0.001}
     verdict = verdict_of(
-        gripper_model, cube, grasp_of(cube, gap=-0.01, squeeze=None), protocol_of("dro-2024", start=start)
+        gripper_model,
+        cube,
+        grasp_of(cube, gap=-0.01, squeeze=None),
+        protocol_of("dro-2024", start=start),
     )
     assert verdict.failure == "penetrating"
     assert verdict.penetration_end_mm > 2.0
@@ -263,9 +277,9 @@ def test_progress_counts_grasps_and_none_is_no_work(gripper_model: HandModel, cu
     grasps = grasp_of(cube).select([0, 0, 0])
     simulator = SapienSimulator(SapienOptions())
     protocol = protocol_of("gendexgrasp-2022")
-    simulator.simulate(gripper_model_model, cube, grasps, protocol, lambda *call: calls.append(call))
+    simulator.simulate(gripper_model, cube, grasps, protocol, lambda *call: calls.append(call))
     assert calls == [(1, 3), (2, 3), (3, 3)]
-    assert simulator.simulate(gripper_model_model, cube, grasps.select([]), protocol) == ()
+    assert simulator.simulate(gripper_model, cube, grasps.select([]), protocol) == ()
 
 
 # -- repeatability -----------------------------------------------------------------------------
@@ -293,9 +307,16 @@ def test_reused_scene_repeats_a_fresh_one_exactly(
 # -- the hand's tree ---------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", sorted(path.parent.name for path in HANDS.glob("*/hand.yaml")))
+@pytest.mark.parametrize("name", sorted(path.parent.name for path in BUNDLED.glob("*/hand.yaml")))
 def test_links_are_where_the_hand_model_has_them(name: str, cube: ObjectModel):
-    assert_same_kinematics(build_model(load_hand(HANDS / name)), cube)
+    assert_same_kinematics(model_of(load_hand(BUNDLED / name)), cube)
+
+
+@pytest.mark.parametrize("name", REAL_HANDS)
+def test_links_of_real_hands_are_where_the_hand_model_has_them(
+    name: str, real_hands: Path, cube: ObjectModel
+):
+    assert_same_kinematics(model_of(load_hand(real_hands / name)), cube)
 
 
 def test_links_of_a_prismatic_hand_with_mimic_are_where_the_hand_model_has_them(
@@ -318,4 +339,6 @@ def assert_same_kinematics(model: HandModel, cube: ObjectModel) -> None:
         scene.step(steps)
         placed = scene.hand.link_poses()
         found = np.stack([placed[link] for link in model.link_names])
-        np.testing.assert_allclose(found, expected.numpy(), atol=1e-4, err_msg=f"after {steps} steps")
+        np.testing.assert_allclose(
+            found, expected.numpy(), atol=1e-4, err_msg=f"after {steps} steps"
+        )
