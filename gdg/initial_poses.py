@@ -89,20 +89,19 @@ def rotation_between(
 ) -> Float[Tensor, "batch 3 3"]:
     """The rotation that turns unit vectors ``source`` to ``target`` about their common normal.
 
-    Opposite vectors are turned about an arbitrary perpendicular axis.
+    Opposite vectors (to 1e-3 rad) are turned about an arbitrary perpendicular axis.
     """
-    v = torch.linalg.cross(source, target)
-    c = (source * target).sum(-1)
-    cross = torch.zeros(len(v), 3, 3, device=v.device)
-    cross[:, 0, 1], cross[:, 0, 2], cross[:, 1, 2] = -v[:, 2], v[:, 1], -v[:, 0]
-    cross = cross - cross.mT
-    eye = torch.eye(3, device=v.device)
-    rotation = eye + cross + cross @ cross / (1 + c).clamp(min=1e-6)[:, None, None]
-    perpendicular = torch.nn.functional.normalize(
-        torch.linalg.cross(source, source.roll(1, -1) + torch.tensor([0.3, 0.1, 0.7]).to(v)), dim=-1
-    )
-    half_turn = 2 * perpendicular[:, :, None] * perpendicular[:, None, :] - eye
-    return torch.where((c < -0.9999)[:, None, None], half_turn, rotation)
+    # two mirrors: the first turns source around, the second, halfway to target, onto target
+    middle = source + target
+    farthest_axis = torch.nn.functional.one_hot(source.abs().argmin(-1), 3).to(source)
+    perpendicular = torch.linalg.cross(source, farthest_axis)
+    opposite = middle.norm(dim=-1, keepdim=True) < 1e-3
+    return _mirror(torch.where(opposite, perpendicular, middle)) @ _mirror(source)
+
+
+def _mirror(direction: Float[Tensor, "batch 3"]) -> Float[Tensor, "batch 3 3"]:
+    unit = torch.nn.functional.normalize(direction, dim=-1)
+    return torch.eye(3, device=unit.device) - 2 * unit[:, :, None] * unit[:, None, :]
 
 
 def _palm_normal(

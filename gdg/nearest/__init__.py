@@ -33,7 +33,7 @@ def nearest_hand_points(
         object_normals: outward unit normals.
         hand_points: metres, same frame; fastest when points that follow each other are near
             each other, as ``HandModel.surface`` has them.
-        gamma: weight of the alignment, ≥ 0.
+        gamma: weight of the alignment, from 0 to 4 (exp(±2γ) is approximated up to there).
     """
     if hand_points.device.type == "cpu":
         from gdg.nearest.pruned import nearest_pruned  # compiles (or loads its cache) on import

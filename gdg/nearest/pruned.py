@@ -25,7 +25,7 @@ def _exp(x: float) -> float:
     return e * e
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, error_model="numpy")
 def _bounding_spheres(hand: np.ndarray, centers: np.ndarray, radii: np.ndarray) -> None:
     """Centres (3, block) and radii (block,) of the blocks of ``hand`` (3, hand_point)."""
     hands = hand.shape[1]
@@ -42,20 +42,22 @@ def _bounding_spheres(hand: np.ndarray, centers: np.ndarray, radii: np.ndarray) 
         radii[k] = math.sqrt(largest) * np.float32(1.0001) + np.float32(1e-7)
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, error_model="numpy")
 def _bound_blocks(
     point: np.ndarray,
     normal: np.ndarray,
     centers: np.ndarray,
     radii: np.ndarray,
     twice: np.float32,
+    epsilon: np.float32,
     bounds: np.ndarray,
 ) -> None:
     """Lower bounds of every block's scores.
 
     A block with centre at distance D, direction c and radius r holds only points with d ≥ D − r
     and, since directions deviate from c by at most δ = asin(r/D), with ⟨u, n⟩ ≤ cos(θ − δ),
-    cos θ = ⟨c, n⟩. So (D − r) · exp(−2 γ cos(θ − δ)) bounds its score from below.
+    cos θ = ⟨c, n⟩. So (D − r) · exp(−2 γ cos(θ − δ)) bounds its score from below. Behind the
+    surface ⟨u, n⟩ is negative, and d/(d + ε), smallest at D − r, brings it nearer to zero.
     """
     for k in range(len(radii)):
         dx, dy = centers[0, k] - point[0], centers[1, k] - point[1]
@@ -67,11 +69,13 @@ def _bound_blocks(
         sine = math.sqrt(max(ZERO, ONE - cosine * cosine))
         turned = cosine * cosine_d + sine * sine_d
         nearest = ONE if cosine >= cosine_d else turned
+        low = max(ZERO, far - radii[k])
+        nearest = max(nearest, nearest * low / (low + epsilon))
         # 2e-5: the rounding of _exp and of the angles must never hide the winner
-        bounds[k] = max(ZERO, far - radii[k]) * _exp(-twice * nearest) * np.float32(0.99998)
+        bounds[k] = low * _exp(-twice * nearest) * np.float32(0.99998)
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, error_model="numpy")
 def _score_block(
     point: np.ndarray,
     normal: np.ndarray,
@@ -89,7 +93,7 @@ def _score_block(
         scores[h - low] = d * _exp(-twice * along)
 
 
-@njit(cache=True, fastmath=True, parallel=True)
+@njit(cache=True, fastmath=True, parallel=True, error_model="numpy")
 def nearest_pruned(
     object_points: np.ndarray,
     object_normals: np.ndarray,
@@ -109,7 +113,7 @@ def nearest_pruned(
         bounds, scores = np.empty(blocks, np.float32), np.empty(BLOCK, np.float32)
         for o in range(count):
             point, normal = object_points[o], object_normals[o]
-            _bound_blocks(point, normal, centers, radii, twice, bounds)
+            _bound_blocks(point, normal, centers, radii, twice, eps, bounds)
             first = np.argmin(bounds)
             best, winner = np.float32(np.inf), 0
             for step in range(-1, blocks):

@@ -15,8 +15,8 @@ class AlignedOptions(Options):
     Attributes:
         preset: ``release`` scales the distance by 10 before the sigmoid and sharpens softly, as
             the released code does and the released weights expect; ``paper`` follows Eq. 4.
-        gamma: weight γ of the alignment; 0 gives √‖·‖.
+        gamma: weight γ of the alignment; 0 gives √‖·‖. The search is exact up to 4.
     """
 
     preset: Literal["release", "paper"] = "release"
-    gamma: Annotated[float, Field(ge=0)] = 1.0
+    gamma: Annotated[float, Field(ge=0, le=4)] = 1.0

@@ -89,8 +89,8 @@ class AdamFitter(Fitter):
         self, hand: HandModel, obj: ObjectModel, start: Tensor, targets: Tensor, report: Any
     ) -> Tensor:
         q = start.clone().requires_grad_(True)
-        optimiser = torch.optim.Adam([q], lr=self.options.learning_rate)
         steps = self.options.steps
+        optimiser = torch.optim.Adam([q], lr=self.options.learning_rate)
         for step in range(steps):
             optimiser.zero_grad()
             total = self.total(self.terms(hand, obj, q, targets), step / max(1, steps - 1))

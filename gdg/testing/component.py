@@ -1,0 +1,70 @@
+"""Builds a registered component and runs the checks of its kind."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from gdg.components import Component, config_key
+from gdg.errors import GdgError, GdgErrors
+from gdg.pipeline.jobs import DEFAULTS
+from gdg.registry import get_registry
+from gdg.testing import Use, distance, fitter, generator, hand_model, planner, simulator
+from gdg.testing.fixtures import StandInGenerator
+from gdg.validation import validated
+
+#: Kind -> its checks, given the built component (for a hand model: the class and its options).
+PROBLEMS_OF: dict[str, Callable[[Any], list[str]]] = {
+    "distance": distance.distance_problems,
+    "generator": generator.generator_problems,
+    "fitter": fitter.fitter_problems,
+    "hand-model": hand_model.hand_model_problems,
+    "simulator": simulator.simulator_problems,
+    "planner": planner.planner_problems,
+}
+
+
+def component_problems(
+    kind: str, name: str, uses: Mapping[str, Use], options: Mapping[str, Any]
+) -> list[str]:
+    """See ``gdg.testing.check_component``; a component that can't be built is a problem, too."""
+    try:
+        record = get_registry().find(kind, name)
+        if kind == "hand-model":
+            return PROBLEMS_OF[kind](hand_model.Maker(record.load(), _options(record, options)))
+        component = _Parts(uses).build(record, options)
+    except GdgErrors as errors:
+        return list(errors.messages)
+    except GdgError as error:
+        return [str(error)]
+    except Exception as error:  # what is tested is foreign code and may raise anything
+        return [f"cannot be created: {type(error).__name__}: {error}"]
+    return PROBLEMS_OF[kind](component)
+
+
+def _options(record: Component, given: Mapping[str, Any]) -> Any:
+    return validated(record.options, given, f"{record.kind} '{record.name}'")
+
+
+class _Parts:
+    """Builds components with the default components that they use, each kind once."""
+
+    def __init__(self, uses: Mapping[str, Use]):
+        self._uses = uses
+        self._built: dict[str, Any] = {}
+
+    def build(self, record: Component, options: Mapping[str, Any]) -> Any:
+        used = {config_key(kind): self._get(kind) for kind in record.uses}
+        return record.load()(_options(record, options), **used)
+
+    def _get(self, kind: str) -> Any:
+        if kind not in self._built:
+            self._built[kind] = self._make(kind)
+        return self._built[kind]
+
+    def _make(self, kind: str) -> Any:
+        if kind == "generator" and kind not in self._uses:
+            return StandInGenerator(self._get("distance"))
+        use = self._uses.get(kind, DEFAULTS[config_key(kind)])
+        tree = {"name": use} if isinstance(use, str) else dict(use)
+        return self.build(get_registry().find(kind, tree.pop("name")), tree)

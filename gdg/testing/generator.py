@@ -1,0 +1,85 @@
+"""Checks of generators: shape, range, randomness, label."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import torch
+
+from gdg.data.contact_map import ContactMap
+from gdg.errors import GdgError
+from gdg.kinds.distance import Distance
+from gdg.kinds.generator import Generator
+from gdg.objects.model import ObjectModel
+from gdg.registry import get_registry
+from gdg.testing.checks import differ, run_checks, seeded
+from gdg.testing.fixtures import small_cube
+
+COUNT = 3
+
+
+@dataclass(frozen=True)
+class GeneratorCase:
+    """A generator with the object that it draws maps on."""
+
+    generator: Generator
+
+    @cached_property
+    def obj(self) -> ObjectModel:
+        """The cube, with all its points: networks may rely on their number."""
+        return small_cube()
+
+    def draw(self, count: int, seed: int) -> ContactMap:
+        """Maps drawn from a fixed seed."""
+        return self.generator.generate(self.obj, count, seeded(seed))
+
+
+def generator_problems(generator: Generator) -> list[str]:
+    """Every breach of the interface ``gdg.kinds.generator.Generator``."""
+    return run_checks(CHECKS, GeneratorCase(generator))
+
+
+def maps(case: GeneratorCase) -> Iterator[str]:
+    """Shape and range are as documented, for one map as for several."""
+    for count in (1, COUNT):
+        drawn = case.draw(count, seed=0)
+        wanted = (count, len(case.obj.points))
+        if drawn.values.shape != wanted:
+            yield f"count={count} gave values of shape {tuple(drawn.values.shape)}, not {wanted}."
+        if drawn.values.dtype != torch.float32:
+            yield f"values must be float32, not {drawn.values.dtype}."
+        if not bool(((drawn.values >= 0) & (drawn.values <= 1)).all()):
+            yield "contact values must lie in [0, 1]."
+        if drawn.object_name != case.obj.name:
+            yield f"object_name is '{drawn.object_name}', not '{case.obj.name}'."
+
+
+def randomness(case: GeneratorCase) -> Iterator[str]:
+    """The same generator state gives the same maps."""
+    torch.rand(1)  # moves the global stream on, which must not matter
+    if differ(case.draw(COUNT, seed=1).values, case.draw(COUNT, seed=1).values, 1e-6):
+        yield "the same generator state gave other maps: draw from the generator that is passed in."
+
+
+def label(case: GeneratorCase) -> Iterator[str]:
+    """The maps name a distance that a plugin provides."""
+    given = case.draw(1, seed=0).distance
+    name, _, preset = given.partition("/")
+    try:
+        record = get_registry().find("distance", name)
+    except GdgError as error:
+        yield f"the maps' distance is '{given}': {error}"
+        return
+    options = {"preset": preset} if "preset" in record.options.model_fields else {}
+    try:
+        distance: Distance = record.load()(record.options(**options))
+    except ValueError:  # what pydantic raises
+        yield f"the maps' distance is '{given}', but '{name}' has no preset '{preset}'."
+        return
+    if distance.label.partition("-")[0] != given.partition("-")[0]:
+        yield f"the maps' distance is '{given}', but '{name}' writes '{distance.label}'."
+
+
+CHECKS = (maps, randomness, label)

@@ -1,0 +1,127 @@
+"""Checks of simulators: control grasps with a known outcome, order, repeatability."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+from gdg.data.grasps import GraspSet
+from gdg.data.verdict import DIRECTIONS, Verdict
+from gdg.kinds.hand_model import HandModel
+from gdg.kinds.simulator import Simulator
+from gdg.objects.model import ObjectModel
+from gdg.protocols import Protocol
+from gdg.testing.checks import run_checks
+from gdg.testing.fixtures import jaw_grasps, model_of, quick_protocol, small_cube, two_jaws
+
+#: A hand that is shifted so far holds nothing, metres.
+ABSENT_M = 1.0
+#: Two runs of one trial in one process, metres.
+REPEAT_TOLERANCE_M = 1e-4
+FAILURES = ("moved", "rotated", "lost-contact", "drifted", "penetrating", "diverged")
+
+
+@dataclass(frozen=True)
+class SimulatorCase:
+    """A simulator with the two-jaw gripper, a cube and a quick protocol."""
+
+    simulator: Simulator
+
+    @cached_property
+    def hand(self) -> HandModel:
+        """The two-jaw gripper."""
+        return model_of(two_jaws())
+
+    @cached_property
+    def obj(self) -> ObjectModel:
+        """The cube."""
+        return small_cube()
+
+    @cached_property
+    def protocol(self) -> Protocol:
+        """The preset ``dro-2024`` without shifted trials."""
+        return quick_protocol(per_direction=False)
+
+    @cached_property
+    def firm_then_absent(self) -> tuple[Verdict, ...]:
+        """Verdicts of a firm grasp and of a hand that is not there."""
+        return self.run(jaw_grasps((0.0, ABSENT_M)), self.protocol)
+
+    def run(self, grasps: GraspSet, protocol: Protocol) -> tuple[Verdict, ...]:
+        """Verdicts of grasps of the cube."""
+        return self.simulator.simulate(self.hand, self.obj, grasps, protocol)
+
+
+def simulator_problems(simulator: Simulator) -> list[str]:
+    """Every breach of the interface ``gdg.kinds.simulator.Simulator``."""
+    return run_checks(CHECKS, SimulatorCase(simulator))
+
+
+def verdicts(case: SimulatorCase) -> Iterator[str]:
+    """One verdict per grasp, in order, with all its fields filled in."""
+    found = case.firm_then_absent
+    if len(found) != 2:
+        yield f"two grasps gave {len(found)} verdicts."
+        return
+    for verdict in found:
+        yield from _field_mistakes(verdict, case.protocol)
+    swapped = case.run(jaw_grasps((ABSENT_M, 0.0)), case.protocol)
+    if [v.success for v in swapped] != [v.success for v in reversed(found)]:
+        yield "grasps in another order gave other verdicts, or verdicts in another order."
+    if case.run(jaw_grasps(()), case.protocol) != ():
+        yield "no grasps must give no verdicts."
+
+
+def firm_grasp(case: SimulatorCase) -> Iterator[str]:
+    """Two jaws that press on a cube hold it."""
+    verdict = case.firm_then_absent[0]
+    if not verdict.success:
+        yield f"two jaws that press on the cube's middle must hold it, but: {verdict.failure}."
+
+
+def absent_hand(case: SimulatorCase) -> Iterator[str]:
+    """A hand that is not there fails in every direction."""
+    protocol = quick_protocol(per_direction=True)
+    (verdict,) = case.run(jaw_grasps((ABSENT_M,)), protocol)
+    if verdict.success:
+        yield "a hand one metre away must not pass."
+    if any(verdict.contact_kept):
+        yield "a hand one metre away has no contact to keep."
+    least = min(verdict.displacement_m, default=0.0)
+    if not least > protocol.success.max_displacement_m:
+        yield (
+            f"a free object moved only {1000 * least:.1f} mm in some direction, less than the "
+            f"protocol's limit."
+        )
+
+
+def repetition(case: SimulatorCase) -> Iterator[str]:
+    """The same grasp gets the same verdict."""
+    again = case.run(jaw_grasps((0.0, ABSENT_M)), case.protocol)
+    for first, second in zip(case.firm_then_absent, again):
+        pairs = zip(first.displacement_m, second.displacement_m)
+        moved = max((abs(a - b) for a, b in pairs), default=0.0)
+        if first.success != second.success or not moved <= REPEAT_TOLERANCE_M:
+            yield f"a second run moved the object by {1000 * moved:.2g} mm more or less."
+
+
+def _field_mistakes(verdict: Verdict, protocol: Protocol) -> Iterator[str]:
+    for name in ("displacement_m", "rotation_rad", "contact_kept"):
+        if len(getattr(verdict, name)) != len(DIRECTIONS):
+            yield f"{name} must have one value per direction {', '.join(DIRECTIONS)}."
+    if len(verdict.shift_successes) != 1 + protocol.shifts.count:
+        yield "shift_successes must have the unshifted trial and one value per shift."
+    if verdict.success != (verdict.failure == ""):
+        yield "failure must be empty on success, and on success alone."
+    if verdict.failure and verdict.failure not in FAILURES:
+        yield f"failure '{verdict.failure}' is none of {', '.join(FAILURES)}."
+    if verdict.protocol != protocol.label:
+        yield f"protocol is '{verdict.protocol}', not '{protocol.label}'."
+    if not verdict.engine.strip():
+        yield "engine must name the engine and its version."
+    if not verdict.refined:
+        yield "refined must be true for grasps with drive targets."
+
+
+CHECKS = (verdicts, firm_grasp, absent_hand, repetition)

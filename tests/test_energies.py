@@ -1,0 +1,127 @@
+"""Penetration is the depth that can be measured, and thin walls are seen."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+import torch
+import trimesh
+from conftest import build_model
+from gripper import OPEN_M
+from torch import Tensor
+
+from gdg.energies import nearest_point_penetration, penetration, penetration_depth
+from gdg.hands.hand import Hand
+from gdg.kinds.hand_model import HandModel
+from gdg.objects.model import ObjectModel, load_object
+from gdg.rotations import q_from_pose
+
+#: Half the edge of the bundled cube, metres.
+HALF_M = 0.02
+
+
+def pose(close: float, x: float = 0.0, z: float = -0.035) -> Tensor:
+    """The gripper around the origin: the jaws reach from 30 mm below to 30 mm above it."""
+    T = torch.eye(4)[None].clone()
+    T[0, 0, 3], T[0, 2, 3] = x, z
+    return q_from_pose(T, torch.tensor([[close]]))
+
+
+def save(mesh: trimesh.Trimesh, folder: Path) -> ObjectModel:
+    mesh.export(folder / "object.stl")
+    return load_object(folder / "object.stl", "object")
+
+
+@pytest.fixture(scope="module")
+def slab(tmp_path_factory: pytest.TempPathFactory) -> ObjectModel:
+    """A wide box whose top is a plane at z = 0, as far as a point near its middle can tell."""
+    mesh = trimesh.creation.box((0.3, 0.3, 0.1))
+    mesh.apply_translation((0, 0, -0.05))
+    return save(mesh, tmp_path_factory.mktemp("slab"))
+
+
+@pytest.fixture(scope="module")
+def wall(tmp_path_factory: pytest.TempPathFactory) -> ObjectModel:
+    """A wall of 1.6 mm in the plane y = 0, thin like a cup's."""
+    return save(trimesh.creation.box((0.06, 0.0016, 0.06)), tmp_path_factory.mktemp("wall"))
+
+
+def test_a_hand_far_away_does_not_penetrate(gripper_model: HandModel, cube: ObjectModel):
+    found = penetration(gripper_model, cube, gripper_model.link_poses(pose(0.0, x=0.5)))
+    assert found.summed.item() == 0
+    assert found.depth.item() == 0
+
+
+def test_touching_jaws_do_not_penetrate(gripper_model: HandModel, cube: ObjectModel):
+    assert penetration_depth(gripper_model, cube, pose(OPEN_M - HALF_M)).item() < 1e-4
+
+
+@pytest.mark.parametrize("depth_m", [0.001, 0.003, 0.006])
+def test_jaws_inside_a_cube_are_as_deep_as_they_are(
+    gripper_model: HandModel, cube: ObjectModel, depth_m: float
+):
+    q = pose(OPEN_M - HALF_M + depth_m)
+    assert penetration_depth(gripper_model, cube, q).item() == pytest.approx(depth_m, abs=2e-4)
+
+
+def test_penetration_is_per_batch_element_and_grows_with_depth(
+    gripper_model: HandModel, cube: ObjectModel
+):
+    q = torch.cat([pose(OPEN_M - HALF_M + depth) for depth in (-0.002, 0.001, 0.004)])
+    together = penetration(gripper_model, cube, gripper_model.link_poses(q))
+    assert together.summed[0] == 0
+    assert together.summed[1] < together.summed[2]
+    for row in range(3):
+        alone = penetration(gripper_model, cube, gripper_model.link_poses(q[row : row + 1]))
+        torch.testing.assert_close(alone.summed[0], together.summed[row], rtol=1e-4, atol=1e-7)
+        torch.testing.assert_close(alone.depth[0], together.depth[row], rtol=1e-4, atol=1e-7)
+
+
+def test_a_thin_wall_through_a_jaw_is_seen(gripper_model: HandModel, wall: ObjectModel):
+    # the wall stands in the middle of the left jaw, which is 10 mm thick
+    q = pose(OPEN_M + 0.005)
+    points = gripper_model.surface_points(q)
+    inside_by_points = torch.relu(-wall.sdf.distance(points)).amax().item()
+    depth = penetration_depth(gripper_model, wall, q).item()
+    assert inside_by_points < 0.001
+    assert depth > 0.003
+
+
+def test_gradients_open_jaws_that_penetrate(gripper_model: HandModel, cube: ObjectModel):
+    q = pose(OPEN_M - HALF_M + 0.003).requires_grad_(True)
+    found = penetration(gripper_model, cube, gripper_model.link_poses(q))
+    (gradient,) = torch.autograd.grad(found.summed.sum(), q)
+    assert gradient.isfinite().all()
+    assert gradient[0, -1] > 1
+
+
+def test_the_stride_keeps_the_sums_size(gripper: Hand, cube: ObjectModel):
+    hand = build_model(gripper, points=2000)
+    poses = hand.link_poses(pose(OPEN_M - HALF_M + 0.005))
+    sums = [penetration(hand, cube, poses, stride).summed.item() for stride in (1, 4)]
+    fewest = penetration(hand, cube, poses, stride=2000).summed.item()
+    assert sums[1] == pytest.approx(sums[0], rel=0.25)
+    assert fewest != pytest.approx(sums[0], rel=0.25)
+
+
+@pytest.mark.parametrize("depth_m", [0.005, 0.02])
+def test_nearest_point_form_is_the_depth_below_a_plane(slab: ObjectModel, depth_m: float):
+    hand = torch.tensor([[[0.0, 0.0, -depth_m], [0.02, 0.01, 0.03]]])
+    found = nearest_point_penetration(slab, hand).item()
+    # the nearest sampled point lies up to a sampling distance aside
+    spacing = 0.5 * math.sqrt(slab.mesh.area / len(slab.points))
+    assert depth_m / 2 <= found <= math.hypot(depth_m, 3 * spacing) / 2
+
+
+def test_nearest_point_form_is_zero_outside(slab: ObjectModel):
+    hand = torch.tensor([[[0.0, 0.0, 0.005], [0.02, 0.01, 0.03], [0.0, 0.0, 0.2]]])
+    assert nearest_point_penetration(slab, hand).item() == 0
+
+
+def test_nearest_point_form_pulls_points_out(slab: ObjectModel):
+    hand = torch.tensor([[[0.0, 0.0, -0.02], [0.0, 0.0, 0.02]]], requires_grad=True)
+    (gradient,) = torch.autograd.grad(nearest_point_penetration(slab, hand).sum(), hand)
+    assert gradient[0, 0, 2] < -0.4
+    assert gradient[0, 1].abs().max() == 0
