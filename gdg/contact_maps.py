@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -13,6 +15,7 @@ from gdg.kinds.distance import Distance
 from gdg.kinds.hand_model import HandModel
 from gdg.objects.model import ObjectModel
 from gdg.registry import get_registry
+from gdg.validation import validated
 
 #: Grasps whose maps are computed at once; bounds the memory.
 BATCH = 64
@@ -63,12 +66,21 @@ def in_distance(maps: ContactMap, distance: Distance) -> Float[Tensor, "map obje
     metres along the normal, at which each value arises; that is exact for aligned points.
 
     Raises:
-        GdgError: the maps name a distance that no plugin provides.
+        GdgError: the maps name a distance that no plugin provides, or options it doesn't have.
     """
     if maps.distance == distance.label:
         return maps.values
-    name, _, preset = maps.distance.partition("/")
-    record = get_registry().find("distance", name)
-    options = {"preset": preset} if "preset" in record.options.model_fields else {}
-    source: Distance = record.load()(record.options(**options))
+    source = _distance_of(maps.distance)
     return distance.contact_value(distance.of_gap(source.aligned_gap(maps.values)))
+
+
+def _distance_of(label: str) -> Distance:
+    """The distance that wrote a label: ``name/preset-option1.5-other2``."""
+    name, _, rest = label.partition("/")
+    record = get_registry().find("distance", name)
+    preset, *changed = re.split("-(?=[a-z])", rest)
+    options = {"preset": preset} if "preset" in record.options.model_fields else {}
+    for text in changed:
+        option, _, value = re.split("(?=[0-9]|$)", text, maxsplit=1)
+    where = f"contact maps made with '{label}'"
+    return record.load()(validated(record.options, options, where))

@@ -128,6 +128,7 @@ def test_few_hands_penetrate_when_they_start_high_enough(hand: HandModel, cube: 
 
 unit = st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda v: sum(x * x for x in v) > 0.01)
 
+
 def assert_turns(source: Tensor, target: Tensor) -> None:
     R = rotation_between(source, target)
     torch.testing.assert_close(R @ R.mT, torch.eye(3).expand_as(R), rtol=0, atol=1e-5)
@@ -153,7 +154,9 @@ def test_the_rotation_between_vectors_turns_one_to_the_other(
 def test_every_vector_can_be_turned_to_its_opposite():
     source = torch.nn.functional.normalize(torch.randn(20000, 3, generator=seeded()), dim=-1)
     # these are parallel to (x3, x1, x2) + (0.3, 0.1, 0.7), an axis once chosen as arbitrary
-    parallel = torch.tensor([[-0.3652307, -0.8326252, -0.4163434], [0.5964907, 0.4230264, 0.6820906]])
+    parallel = torch.tensor(
+        [[-0.3652307, -0.8326252, -0.4163434], [0.5964907, 0.4230264, 0.6820906]]
+    )
     for vectors in (source, torch.eye(3), parallel):
         assert_turns(vectors, -vectors)
 

@@ -75,7 +75,9 @@ def closing() -> tuple[HandModel, ObjectModel, torch.Tensor]:
 
 def test_sign_moves_every_joint_by_all_or_nothing(closing):
     hand, cube, q = closing
-    moved = contact_aware_targets(hand, cube, q, Refinement(step="sign", size=0.5)) - q[:, ROOT_DIM:]
+    moved = (
+        contact_aware_targets(hand, cube, q, Refinement(step="sign", size=0.5)) - q[:, ROOT_DIM:]
+    )
     sizes = moved.abs()
     assert (((sizes - 0.5).abs() < 1e-5) | (sizes == 0)).all()
     assert 0 < (sizes > 0).sum() < sizes.numel()

@@ -77,7 +77,8 @@ def _names_of_split(split: str) -> list[str]:
 def _settings_help(job: type[JobConfig], defaults: dict[str, str]) -> str:
     lines = ["\b", "Settings (key=value):"]
     for name, field in job.model_fields.items():
-        default = "required" if field.is_required() else yaml.safe_dump(field.default).split("\n")[0]
+        given = "" if field.is_required() else yaml.safe_dump(field.default).splitlines()[0]
+        default = given or "required"
         lines.append(f"  {name:<14} {_explained(job, name)} [{default}]")
     lines += ["", "\b", "Components (component=name, component.option=value; see gdg plugins):"]
     lines += [f"  {config_key(key):<14} [{name}]" for key, name in defaults.items()]

@@ -120,6 +120,8 @@ class HandModel(ABC):
         link_index: Int[Tensor, "*batch point"],
     ) -> Float[Tensor, "batch point 3"]:
         """Link-frame points in the world; ``points`` may differ per batch element or not."""
+        if link_index.ndim == 1:
+            return _place_fixed(Ts_world_link, points, link_index)
         T = _per_point(Ts_world_link, link_index)
         return (T[..., :3, :3] @ points[..., None])[..., 0] + T[..., :3, 3]
 
@@ -224,6 +226,21 @@ class HandModel(ABC):
         touching = (torch.cdist(placed, placed) < summed).any(0)
         reach = torch.where(apart & ~touching, summed, torch.full_like(summed, -1.0))
         return CollisionSpheres(centers, radii, link, reach)
+
+
+def _place_fixed(
+    Ts_world_link: Float[Tensor, "batch link 4 4"],
+    points: Float[Tensor, "point 3"],
+    link_index: Int[Tensor, "point"],
+) -> Float[Tensor, "batch point 3"]:
+    """All points by one matrix product, far cheaper (backward too) than a matrix per point."""
+    batch, links = Ts_world_link.shape[:2]
+    lift = points.new_zeros(links, 4, len(points))
+    columns = torch.arange(len(points), device=points.device)
+    lift[link_index, :3, columns] = points
+    lift[link_index, 3, columns] = 1.0
+    flat = Ts_world_link[:, :, :3].transpose(1, 2).reshape(batch, 3, 4 * links)
+    return (flat @ lift.reshape(4 * links, len(points))).mT
 
 
 def _per_point(

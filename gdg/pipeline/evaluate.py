@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import torch
-import yaml
 
 from gdg.cache import content_hash
 from gdg.config import RunConfig
@@ -25,6 +24,7 @@ from gdg.metrics import joint_diversity, wilson_interval
 from gdg.pipeline.jobs import EvalJob
 from gdg.pipeline.pair import Pair, generator_for
 from gdg.pipeline.workers import limit_threads
+from gdg.yaml_files import dump_yaml
 
 
 @dataclass(frozen=True)
@@ -117,7 +117,7 @@ def run_cell(config: RunConfig) -> str | None:
             grasps = pair.simulate(grasps)
     except GdgError as error:
         return str(error)
-    text = yaml.safe_dump(config.as_tree(), sort_keys=False)
+    text = dump_yaml(config.as_tree())
     write_text_atomically(path.parent / "config.yaml", text)
     grasps.save(path)
     return None

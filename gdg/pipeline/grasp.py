@@ -5,14 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-import yaml
-
 from gdg.config import RunConfig
 from gdg.data.atomic import write_text_atomically
 from gdg.data.grasps import GraspSet
 from gdg.kinds.fitter import Progress
 from gdg.pipeline.jobs import GraspJob
 from gdg.pipeline.pair import Pair, generator_for
+from gdg.yaml_files import dump_yaml
 
 
 @dataclass(frozen=True)
@@ -47,7 +46,7 @@ def run_grasp(config: RunConfig, stages: Stages | None = None) -> GraspRun:
     pair = Pair.load(config)
     folder = Path(job.out or f"runs/grasp/{pair.hand.hand.name}-{pair.obj.name}-seed{job.seed}")
     folder.mkdir(parents=True, exist_ok=True)
-    config_text = yaml.safe_dump(config.as_tree(), sort_keys=False)
+    config_text = dump_yaml(config.as_tree())
     write_text_atomically(folder / "config.yaml", config_text)
     grasps = pair.plan(job.n, generator_for(job.seed), stages.stage("planning"))
     grasps.save(folder / "grasps.json")

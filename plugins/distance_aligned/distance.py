@@ -37,9 +37,7 @@ class AlignedDistance(Distance):
         hand_points: Float[Tensor, "batch hand_point 3"],
     ) -> HandDistance:
         """The minimum over hand points; see the interface."""
-        index = nearest_hand_points(
-            object_points, object_normals, hand_points, self.options.gamma
-        )
+        index = nearest_hand_points(object_points, object_normals, hand_points, self.options.gamma)
         difference = gather_points(hand_points, index) - object_points
         length = (difference.square().sum(-1) + 1e-16).sqrt()
         alignment = (difference * object_normals).sum(-1) / (length + EPSILON_M)

@@ -51,9 +51,7 @@ class GraspEnergy:
         self.hand, self.obj, self.options = hand, obj, options
         self._center = obj.center_of_mass.to(hand.device)
 
-    def terms(
-        self, q: Float[Tensor, "batch dof"], contacts: Contacts, stride: int = 1
-    ) -> Terms:
+    def terms(self, q: Float[Tensor, "batch dof"], contacts: Contacts, stride: int = 1) -> Terms:
         """All terms, differentiable in q and in the contacts' places.
 
         ``stride`` thins the surface points of the penetration term.

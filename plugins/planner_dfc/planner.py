@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -16,9 +17,12 @@ from gdg.kinds.planner import Planner
 from gdg.objects.model import ObjectModel
 from gdg.rotations import ROOT_DIM, root_pose
 
-from .energy import GraspEnergy
+from .energy import Contacts, GraspEnergy
 from .mala import Mala
 from .options import DfcOptions
+
+#: Accepted pose vectors (grasp, dof), and the energies of each.
+Accepted = tuple[Tensor, dict[str, Tensor]]
 
 
 class DfcPlanner(Planner):
@@ -45,7 +49,7 @@ class DfcPlanner(Planner):
         if len(hand.regions.corners) == 0:
             raise GdgError(f"hand '{hand.hand.name}': planner dfc needs contact_regions.")
         energy = GraspEnergy(hand, obj, self.options)
-        found: list[tuple[Tensor, dict[str, Tensor]]] = []
+        found: list[Accepted] = []
         rejected: Counter[str] = Counter()
         acceptance = []
         for batch in range(self.options.max_batches):
@@ -63,14 +67,17 @@ class DfcPlanner(Planner):
             acceptance.append(mala.accepted / max(1, mala.proposed))
             if sum(len(q) for q, _ in found) >= count:
                 break
-        rate = sum(acceptance) / len(acceptance)
-        return self._grasps(hand, obj, found, count, rejected, rate)
+        provenance = {
+            "rejected": dict(rejected),
+            "acceptance_rate": sum(acceptance) / len(acceptance),
+        }
+        return self._grasps(energy, found, count, provenance)
 
     @torch.no_grad()
     def _accepted(
-        self, energy: GraspEnergy, q: Tensor, contacts, rejected: Counter[str]
-    ) -> tuple[Tensor, dict[str, Tensor]]:
-        hand, obj, o = energy.hand, energy.obj, self.options
+        self, energy: GraspEnergy, q: Tensor, contacts: Contacts, rejected: Counter[str]
+    ) -> Accepted:
+        o = self.options
         terms = energy.terms(q, contacts)
         tests = {
             "not finite": ~torch.isfinite(q).all(-1),
@@ -95,19 +102,26 @@ class DfcPlanner(Planner):
         }
         return q[good].cpu(), {name: values[good].cpu() for name, values in energies.items()}
 
-    def _grasps(self, hand, obj, found, count, rejected, acceptance) -> GraspSet:
+    def _grasps(
+        self,
+        energy: GraspEnergy,
+        found: list[Accepted],
+        count: int,
+        provenance: dict[str, Any],
+    ) -> GraspSet:
+        hand = energy.hand
         q = torch.cat([q for q, _ in found])
         energies = {name: torch.cat([e[name] for _, e in found]) for name in found[0][1]}
         best = energies["total"].argsort()[:count]
         q = q[best]
         return GraspSet(
             hand=hand.hand.name,
-            object_name=obj.name,
+            object_name=energy.obj.name,
             joint_names=hand.joint_names,
             root_link=hand.hand.spec.root_link,
             poses=root_pose(q),
             joints=q[:, ROOT_DIM:],
             energies={name: values[best] for name, values in energies.items()},
             status=("converged",) * len(best),
-            provenance={"rejected": dict(rejected), "acceptance_rate": acceptance},
+            provenance=provenance,
         )

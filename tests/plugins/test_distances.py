@@ -52,9 +52,7 @@ def value_at(distance: Distance, *hand_point: float) -> float:
 def cloud(seed: int, batch: int, hands: int, objects: int) -> tuple[Tensor, Tensor, Tensor]:
     """A sphere-like object of 50 mm and hand points in a box of 300 mm around it."""
     generator = torch.Generator().manual_seed(seed)
-    normals = torch.nn.functional.normalize(
-        torch.randn(objects, 3, generator=generator), dim=-1
-    )
+    normals = torch.nn.functional.normalize(torch.randn(objects, 3, generator=generator), dim=-1)
     points = 0.05 * normals + 0.003 * torch.randn(objects, 3, generator=generator)
     hand = 0.3 * (torch.rand(batch, hands, 3, generator=generator) - 0.5)
     return points, normals, hand
