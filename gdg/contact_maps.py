@@ -19,6 +19,8 @@ from gdg.validation import validated
 
 #: Grasps whose maps are computed at once; bounds the memory.
 BATCH = 64
+#: In a distance's label: an option that differs from the preset's.
+CHANGED_OPTION = re.compile(r"-([a-z_]+)([0-9][0-9.e+-]*)")
 
 
 @torch.no_grad()
@@ -75,12 +77,11 @@ def in_distance(maps: ContactMap, distance: Distance) -> Float[Tensor, "map obje
 
 
 def _distance_of(label: str) -> Distance:
-    """The distance that wrote a label: ``name/preset-option1.5-other2``."""
+    """The distance that wrote a label: ``name/preset``, ``name/preset-option0.5``."""
     name, _, rest = label.partition("/")
     record = get_registry().find("distance", name)
-    preset, *changed = re.split("-(?=[a-z])", rest)
-    options = {"preset": preset} if "preset" in record.options.model_fields else {}
-    for text in changed:
-        option, _, value = re.split("(?=[0-9]|$)", text, maxsplit=1)
+    options: dict[str, str] = dict(CHANGED_OPTION.findall(rest))
+    if "preset" in record.options.model_fields:
+        options["preset"] = CHANGED_OPTION.sub("", rest)
     where = f"contact maps made with '{label}'"
     return record.load()(validated(record.options, options, where))

@@ -31,7 +31,8 @@ class Distance(ABC):
         options: the component's options.
     """
 
-    #: ``name/preset``, written into every contact map.
+    #: ``name/preset``, and ``-option0.5`` for an option that changes the values; written into every
+    #: contact map.
     label: str
 
     def __init__(self, options: Options):
@@ -43,11 +44,19 @@ class Distance(ABC):
         object_points: Float[Tensor, "object_point 3"],
         object_normals: Float[Tensor, "object_point 3"],
         hand_points: Float[Tensor, "batch hand_point 3"],
+        hand_index: Int[Tensor, "batch object_point"] | None = None,
     ) -> HandDistance:
         """The minimum over hand points, differentiable in ``hand_points``.
 
         Gradients flow through the selected pair only. Never materialises object × hand × 3.
         All points in one frame, metres; normals are outward unit vectors.
+
+        Args:
+            object_points: metres.
+            object_normals: outward unit normals.
+            hand_points: metres.
+            hand_index: take the distance to these hand points and search for none, e.g. those of
+                a pose nearby.
         """
 
     @abstractmethod

@@ -101,6 +101,18 @@ def minimum(case: DistanceCase) -> Iterator[str]:
         yield "of two equally near hand points hand_index must name the first."
 
 
+def given_points(case: DistanceCase) -> Iterator[str]:
+    """With ``hand_index`` given, the distance is that to these hand points."""
+    shape = (BATCH, OBJECT_POINTS)
+    index = torch.randint(HAND_POINTS, shape, generator=seeded(5))
+    given = case.distance.to_hand(case.points, case.normals, case.hand, index)
+    if differ(given.hand_index, index, 0):
+        yield "a hand_index that is given must come back as it is."
+    singles = case.measure(case.hand[0][:, None]).distance
+    if differ(given.distance[0], singles.gather(0, index[:1])[0], case.tolerance):
+        yield "with hand_index given, the distance is not that to the hand points it names."
+
+
 def gradient(case: DistanceCase) -> Iterator[str]:
     """Gradients in the hand points equal finite differences and touch selected points alone."""
     directions = torch.nn.functional.normalize(case.hand[0], dim=-1)
@@ -194,6 +206,6 @@ def gaps(case: DistanceCase) -> Iterator[str]:
 
 
 CHECKS = (
-    result, minimum, gradient, gradient_in_contact, rigid_motion, permutations, batches,
+    result, minimum, given_points, gradient, gradient_in_contact, rigid_motion, permutations, batches,
     contact_value, gaps,
 )  # fmt: skip

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from gdg.kinds.distance import Distance, HandDistance
@@ -35,9 +35,12 @@ class AlignedDistance(Distance):
         object_points: Float[Tensor, "object_point 3"],
         object_normals: Float[Tensor, "object_point 3"],
         hand_points: Float[Tensor, "batch hand_point 3"],
+        hand_index: Int[Tensor, "batch object_point"] | None = None,
     ) -> HandDistance:
         """The minimum over hand points; see the interface."""
-        index = nearest_hand_points(object_points, object_normals, hand_points, self.options.gamma)
+        index = hand_index
+        if index is None:
+            index = nearest_hand_points(object_points, object_normals, hand_points, self.options.gamma)
         difference = gather_points(hand_points, index) - object_points
         length = (difference.square().sum(-1) + 1e-16).sqrt()
         alignment = (difference * object_normals).sum(-1) / (length + EPSILON_M)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from gdg.contact_maps import in_distance
@@ -38,6 +38,7 @@ class Terms:
     limits: Float[Tensor, "batch"]
     self_penetration: Float[Tensor, "batch"]
     values: Float[Tensor, "batch object_point"]
+    hand_index: Int[Tensor, "batch object_point"]
 
 
 class AdamFitter(Fitter):
@@ -91,21 +92,31 @@ class AdamFitter(Fitter):
         q = start.clone().requires_grad_(True)
         steps = self.options.steps
         optimiser = torch.optim.Adam([q], lr=self.options.learning_rate)
+        index = None
         for step in range(steps):
             optimiser.zero_grad()
-            total = self.total(self.terms(hand, obj, q, targets), step / max(1, steps - 1))
-            total.sum().backward()
+            known = None if step % self.options.search_every == 0 else index
+            terms = self.terms(hand, obj, q, targets, known)
+            index = terms.hand_index
+            self.total(terms, step / max(1, steps - 1)).sum().backward()
             if q.grad is not None:  # a particle that diverged must not spoil the others
                 q.grad.nan_to_num_(nan=0.0, posinf=0.0, neginf=0.0)
             optimiser.step()
             report(step + 1)
         return hand.clamp(q.detach())
 
-    def terms(self, hand: HandModel, obj: ObjectModel, q: Tensor, targets: Tensor) -> Terms:
-        """All energy terms of a batch of q (batch, dof) against target maps."""
+    def terms(
+        self,
+        hand: HandModel,
+        obj: ObjectModel,
+        q: Float[Tensor, "batch dof"],
+        targets: Float[Tensor, "batch object_point"],
+        hand_index: Int[Tensor, "batch object_point"] | None = None,
+    ) -> Terms:
+        """All energy terms against target maps; searches hand points unless they are given."""
         poses = hand.link_poses(q)
         points = hand.place_surface(poses)
-        found = self.distance.to_hand(obj.points, obj.normals, points)
+        found = self.distance.to_hand(obj.points, obj.normals, points, hand_index)
         values = self.distance.contact_value(found.distance)
         inside = penetration(hand, obj, poses)
         summed = inside.summed
@@ -121,6 +132,7 @@ class AdamFitter(Fitter):
             limits=hand.limit_violation(q),
             self_penetration=overlap,
             values=values,
+            hand_index=found.hand_index,
         )
 
     def total(self, terms: Terms, fraction: float) -> Float[Tensor, "batch"]:

@@ -18,6 +18,8 @@ class AdamOptions(Options):
         particles: starts per contact map.
         steps: Adam steps.
         learning_rate: of every entry of q (metres, rot6d, radians).
+        search_every: nearest hand points are searched anew in every so-manieth step, and kept in
+            between; 1 is the paper's fit, exact in every step.
         sharpen: sharpen the target map, as the distance's preset says.
         start: ``sphere``: uniform rotations on the enclosing sphere (paper); ``surface``: palm
             above the object's convex hull.
@@ -35,6 +37,7 @@ class AdamOptions(Options):
     particles: Annotated[int, Field(ge=1, le=4096)] = 32
     steps: Annotated[int, Field(ge=1)] = 100
     learning_rate: Annotated[float, Field(gt=0)] = 5e-3
+    search_every: Annotated[int, Field(ge=1)] = 3
     sharpen: bool = True
     start: Literal["sphere", "surface"] = "sphere"
     start_factor: Annotated[float, Field(gt=0)] = 1.0

@@ -3,7 +3,9 @@
     pytest tests/benchmarks --benchmark-only
 
 Times depend on the machine and its load: each result carries the number of threads and the version
-of torch. Rows of one group do the same work in different ways, or for different hands.
+of torch. Beside other work, threads wait for each other and times say little; compare with
+OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 then. Rows of one group do the same work in different ways, or
+for different hands.
 """
 
 from __future__ import annotations
@@ -56,16 +58,18 @@ class Scene:
 
 
 @pytest.fixture(autouse=True)
-def without_shape_checks() -> Iterator[None]:
-    """What users run has no shape checker."""
-    before = jaxtyping.config.jaxtyping_disable
+def as_users_run_it() -> Iterator[None]:
+    """No shape checker, and the threads that torch and numba take by themselves."""
+    checked, threads = jaxtyping.config.jaxtyping_disable, torch.get_num_threads()
     jaxtyping.config.update("jaxtyping_disable", True)
+    torch.set_num_threads(int(os.environ.get("OMP_NUM_THREADS", os.cpu_count() or 1)))
     yield
-    jaxtyping.config.update("jaxtyping_disable", before)
+    jaxtyping.config.update("jaxtyping_disable", checked)
+    torch.set_num_threads(threads)
 
 
 @pytest.fixture(autouse=True)
-def circumstances(benchmark: Any, without_shape_checks: None) -> None:
+def circumstances(benchmark: Any, as_users_run_it: None) -> None:
     benchmark.extra_info.update(
         torch=torch.__version__,
         torch_threads=torch.get_num_threads(),
@@ -77,10 +81,8 @@ def circumstances(benchmark: Any, without_shape_checks: None) -> None:
 @pytest.fixture(params=["bundled allegro", "real shadowhand"])
 def scene(request: pytest.FixtureRequest) -> Scene:
     origin, name = request.param.split()
-    folder = HANDS.find(name).path
-    if origin == "real":
-        real: Path = request.getfixturevalue("real_hands")
-        folder = real / name
+    real: Path | None = request.getfixturevalue("real_hands") if origin == "real" else None
+    folder = real / name if real else HANDS.find(name).path
     hand, obj = model_of(load_hand(folder), SURFACE_POINTS), find_object("apple")
     record = get_registry().find("distance", "aligned")
     distance: Distance = record.load()(record.options())

@@ -196,22 +196,35 @@ def test_a_folder_without_a_manifest_is_a_problem(tmp_path: Path):
 
 
 class WrongGradient(EuclideanDistance):
-    def to_hand(self, object_points: Tensor, object_normals: Tensor, hand_points: Tensor):
-        found = super().to_hand(object_points, object_normals, hand_points)
+    def to_hand(self, *args: Any):
+        found = super().to_hand(*args)
         doubled = 2 * found.distance - found.distance.detach()
         return HandDistance(doubled, found.hand_index)
 
 
 class DependsOnFrame(EuclideanDistance):
-    def to_hand(self, object_points: Tensor, object_normals: Tensor, hand_points: Tensor):
+    def to_hand(
+        self, object_points: Tensor, object_normals: Tensor, hand_points: Tensor, *args: Any
+    ):
         stretch = torch.tensor([1.0, 1.0, 1.5])
-        return super().to_hand(object_points * stretch, object_normals, hand_points * stretch)
+        return super().to_hand(
+            object_points * stretch, object_normals, hand_points * stretch, *args
+        )
 
 
 class FarthestPoint(EuclideanDistance):
-    def to_hand(self, object_points: Tensor, object_normals: Tensor, hand_points: Tensor):
+    def to_hand(
+        self, object_points: Tensor, object_normals: Tensor, hand_points: Tensor, *args: Any
+    ):
         apart = torch.cdist(object_points.expand(len(hand_points), -1, -1), hand_points)
         return HandDistance(*apart.max(-1))
+
+
+class IgnoresGivenPoints(EuclideanDistance):
+    def to_hand(
+        self, object_points: Tensor, object_normals: Tensor, hand_points: Tensor, *args: Any
+    ):
+        return super().to_hand(object_points, object_normals, hand_points)
 
 
 class HalfContact(EuclideanDistance):
@@ -358,12 +371,13 @@ SABOTAGE: list[tuple[str, type, str]] = [
     ("distance", WrongGradient, "gradient along x differs from finite differences"),
     ("distance", DependsOnFrame, "depends on the frame"),
     ("distance", FarthestPoint, "not the least of the distances"),
+    ("distance", IgnoresGivenPoints, "a hand_index that is given must come back"),
     ("distance", HalfContact, "the contact value at distance 0 is 0.5, not 1"),
     ("distance", OtherGap, "does not give the gap"),
     ("distance", Raises, "raised ZeroDivisionError: oh"),
     ("generator", OwnRandomness, "draw from the generator that is passed in"),
     ("generator", UnknownLabel, "Did you mean 'aligned'"),
-    ("generator", UnknownPreset, "'aligned' has no preset 'newest'"),
+    ("generator", UnknownPreset, "contact maps made with 'aligned/newest': preset"),
     ("generator", OutOfRange, "contact values must lie in [0, 1]"),
     ("generator", OneMapTooMany, "count=1 gave values of shape (2, 2048), not (1, 2048)"),
     ("fitter", OutOfLimits, "joint 'close' is outside its limits"),

@@ -1,0 +1,276 @@
+"""Force-closure synthesis: its energy is what can be computed by hand, and it counts rejections."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+import trimesh
+from conftest import build_model
+from gdg_plugins.planner_dfc.energy import Contacts, GraspEnergy
+from gdg_plugins.planner_dfc.mala import MAX_PLACE, Mala
+from gdg_plugins.planner_dfc.options import DfcOptions
+from gdg_plugins.planner_dfc.planner import DfcPlanner
+from gripper import OPEN_M, write_gripper
+from torch import Tensor
+
+from gdg.errors import GdgError
+from gdg.hands.hand import find_hand, load_hand
+from gdg.initial_poses import above_surface
+from gdg.kinds.hand_model import HandModel
+from gdg.objects.model import ObjectModel, load_object
+from gdg.rotations import q_from_pose
+
+TOUCHING_M = OPEN_M - 0.02
+#: One contact in the middle of each jaw.
+MIDDLE = Contacts(torch.tensor([[0, 1]]), torch.zeros(1, 2, 2))
+#: Thresholds that everything meets.
+LENIENT = {
+    "max_force_closure": 1e3, "max_distance_m": 1e3, "max_penetration_m": 1e3, "max_self_m": 1e3
+}  # fmt: skip
+
+
+def pose(close: float) -> Tensor:
+    """The jaws around the origin; the middle of each contact region is at height 0."""
+    T = torch.eye(4)[None].clone()
+    T[0, 2, 3] = -0.035
+    return q_from_pose(T, torch.tensor([[close]]))
+
+
+def seeded(seed: int = 0) -> torch.Generator:
+    return torch.Generator().manual_seed(seed)
+
+
+def planner(**options: object) -> DfcPlanner:
+    return DfcPlanner(DfcOptions(**{"contacts": 2, "steps": 3, "batch": 4, **options}))
+
+
+@pytest.fixture(scope="module")
+def energy(gripper_model: HandModel, cube: ObjectModel) -> GraspEnergy:
+    return GraspEnergy(gripper_model, cube, DfcOptions(contacts=2))
+
+
+# -- energy ------------------------------------------------------------------------------------
+
+
+def test_a_perfect_grasp_has_no_energy(energy: GraspEnergy):
+    terms = energy.terms(pose(TOUCHING_M), MIDDLE)
+    assert terms.distance.item() < 2e-4
+    assert terms.normals.item() < 0.01
+    assert terms.force_closure.item() < 0.01
+    assert terms.limits.item() == pytest.approx(0, abs=1e-6)
+    assert terms.depth.item() < 2e-4
+    assert energy.total(terms).item() < 0.1
+
+
+@pytest.mark.parametrize("gap_m", [0.004, -0.004])
+def test_distance_is_the_gap_of_every_contact(energy: GraspEnergy, gap_m: float):
+    terms = energy.terms(pose(TOUCHING_M - gap_m), MIDDLE)
+    assert terms.distance.item() == pytest.approx(0.008, abs=4e-4)
+    torch.testing.assert_close(terms.contact_distances.sum(-1), terms.distance)
+    assert (terms.depth.item() > 0.003) == (gap_m < 0)
+
+
+def test_limits_are_exceeded_by_what_they_are_exceeded(energy: GraspEnergy):
+    for close in (0.06, -0.01):
+        assert energy.terms(pose(close), MIDDLE).limits.item() == pytest.approx(0.01, abs=1e-5)
+
+
+def test_contacts_on_one_jaw_do_not_close_the_force(energy: GraspEnergy):
+    left = Contacts(torch.tensor([[0, 0]]), torch.zeros(1, 2, 2))
+    terms = energy.terms(pose(TOUCHING_M), left)
+    assert terms.force_closure.item() == pytest.approx(1, abs=0.01)
+
+
+def test_offset_contacts_are_a_torque_per_radius(energy: GraspEnergy):
+    # 10 mm up on one jaw and down on the other: a torque of 0.01 m, on average of two contacts
+    place = torch.zeros(1, 2, 2)
+    share = 0.5 + 0.01 / 0.05
+    logit = math.log(share / (1 - share))
+    # v runs from z = 10 to 60 mm on the left jaw, and back on the right one
+    place[0, :, 1] = logit
+    terms = energy.terms(pose(TOUCHING_M), Contacts(torch.tensor([[0, 1]]), place))
+    z = terms.contact_points[0, :, 2]
+    torch.testing.assert_close(z, torch.tensor([0.01, -0.01]), rtol=0, atol=1e-4)
+    assert terms.force_closure.item() == pytest.approx(0.01 / energy.obj.radius, rel=0.05)
+
+
+def test_pads_turned_away_are_noticed(energy: GraspEnergy):
+    # the jaws swapped around the cube: both pads look away from it
+    terms = energy.terms(pose(OPEN_M + 0.02), MIDDLE)
+    assert terms.distance.item() < 2e-4
+    assert terms.normals.item() == pytest.approx(4, abs=0.02)
+
+
+def test_the_total_is_the_weighted_sum(energy: GraspEnergy):
+    terms = energy.terms(pose(0.055), MIDDLE)
+    o = energy.options
+    expected = (
+        o.force_closure_weight * terms.force_closure + o.distance_weight * terms.distance
+        + o.normal_weight * terms.normals + o.penetration_weight * terms.penetration
+        + o.self_weight * terms.self_penetration + o.limit_weight * terms.limits
+    )  # fmt: skip
+    torch.testing.assert_close(energy.total(terms), expected)
+    assert (terms.penetration > 0.01).all()
+
+
+@pytest.mark.parametrize("name", ["two_jaws", "barrett"])
+def test_contact_points_lie_in_their_regions(
+    gripper_model: HandModel, cube: ObjectModel, name: str
+):
+    hand = gripper_model if name == "two_jaws" else build_model(find_hand(name))
+    energy = GraspEnergy(hand, cube, DfcOptions())
+    regions = len(hand.regions.corners)
+    region = torch.randint(regions, (20, 4), generator=seeded())
+    place = MAX_PLACE * (2 * torch.rand(20, 4, 2, generator=seeded()) - 1)
+    points, link = energy.contact_points_in_links(Contacts(region, place))
+    assert torch.equal(link, hand.regions.link_index[region])
+    corners = hand.regions.corners[region]
+    assert (points >= corners.amin(-2) - 1e-6).all()
+    assert (points <= corners.amax(-2) + 1e-6).all()
+    middle, _ = energy.contact_points_in_links(Contacts(region, torch.zeros_like(place)))
+    torch.testing.assert_close(middle, corners.mean(-2))
+    # the four extremes of the logits are the four corners
+    extremes = 30 * torch.tensor([[-1, -1], [1, -1], [1, 1], [-1, 1]]).float()
+    found, _ = energy.contact_points_in_links(Contacts(region[:1, :1].expand(1, 4), extremes[None]))
+    torch.testing.assert_close(found[0], corners[0, 0], rtol=0, atol=1e-6)
+
+
+# -- sampling ----------------------------------------------------------------------------------
+
+
+def chains_of(energy: GraspEnergy, **options: object):
+    mala = Mala(energy, DfcOptions(**{"contacts": 2, **options}), seeded())
+    start = above_surface(energy.hand, energy.obj, 16, seeded())
+    return mala, mala._evaluate(start, mala._random_contacts(16))
+
+
+def propose(mala: Mala, chains):
+    scale = chains.q_gradient.square().mean(0, keepdim=True).sqrt()
+    return mala._propose(chains, scale, chains.place_gradient.square().mean().sqrt(), 0)
+
+
+def test_a_cold_chain_takes_only_what_is_better(energy: GraspEnergy):
+    mala, chains = chains_of(energy)
+    proposal = propose(mala, chains)
+    better = proposal.energy < chains.energy
+    assert 0 < better.sum() < 16
+    chosen = mala._choose(chains, proposal, temperature=1e-9)
+    torch.testing.assert_close(chosen.energy, torch.minimum(chains.energy, proposal.energy))
+    for name in ("q", "q_gradient", "place_gradient"):
+        new, old = getattr(proposal, name), getattr(chains, name)
+        assert torch.equal(getattr(chosen, name)[better], new[better])
+        assert torch.equal(getattr(chosen, name)[~better], old[~better])
+    assert torch.equal(chosen.contacts.region[better], proposal.contacts.region[better])
+    assert torch.equal(chosen.contacts.place[~better], chains.contacts.place[~better])
+    assert (mala.accepted, mala.proposed) == (int(better.sum()), 16)
+
+
+def test_a_hot_chain_takes_everything_finite(energy: GraspEnergy):
+    mala, chains = chains_of(energy)
+    proposal = propose(mala, chains)
+    proposal.energy[3] = math.nan
+    proposal.energy[4] = math.inf
+    proposal.q_gradient[5, 2] = math.nan
+    chosen = mala._choose(chains, proposal, temperature=1e9)
+    kept = torch.tensor([i in (3, 4, 5) for i in range(16)])
+    assert torch.equal(chosen.energy[kept], chains.energy[kept])
+    assert torch.equal(chosen.energy[~kept], proposal.energy[~kept])
+    assert (mala.accepted, mala.proposed) == (13, 16)
+
+
+def test_a_worse_state_is_taken_as_often_as_metropolis_says(energy: GraspEnergy):
+    mala, chains = chains_of(energy)
+    worse = replace(chains, energy=chains.energy + 1.0)
+    for _ in range(200):
+        mala._choose(chains, worse, temperature=2.0)
+    assert mala.accepted / mala.proposed == pytest.approx(math.exp(-0.5), abs=0.03)
+
+
+def test_contacts_switch_one_at_a_time_and_settle_at_the_end(energy: GraspEnergy):
+    mala, chains = chains_of(energy, contacts=4, switch_probability=1.0, steps=10)
+    switched = mala._switch(chains.contacts).place != chains.contacts.place
+    assert (switched.any(-1).sum(-1) == 1).all()
+    scale = chains.q_gradient.square().mean(0, keepdim=True).sqrt()
+    for step, moves in ((0, True), (7, False)):
+        proposal = mala._propose(chains, scale, torch.ones(1), step)
+        assert (proposal.contacts.region != chains.contacts.region).any().item() == moves
+
+
+def test_steps_lower_the_energy(energy: GraspEnergy):
+    options = DfcOptions(contacts=2, steps=30)
+    mala, chains = chains_of(energy, steps=30)
+    q, contacts = Mala(energy, options, seeded()).run(chains.q, lambda step: None)
+    after = energy.total(energy.terms(q, contacts))
+    assert after.median() < 0.7 * chains.energy.median()
+    assert mala.proposed == 0
+
+
+# -- planning ----------------------------------------------------------------------------------
+
+
+def test_a_tiny_run_gives_grasps_with_their_provenance(
+    gripper_model: HandModel, cube: ObjectModel
+):
+    reported: list[tuple[int, int]] = []
+    found = planner(**LENIENT).plan(
+        gripper_model, cube, 3, seeded(), lambda done, total: reported.append((done, total))
+    )
+    assert len(found) == 3
+    assert found.provenance["rejected"] == dict.fromkeys(
+        ("not finite", "contact off the surface", "penetration", "self-penetration",
+         "no force closure"), 0,
+    )  # fmt: skip
+    assert 0 <= found.provenance["acceptance_rate"] <= 1
+    assert found.energies["total"].diff().min() >= 0
+    assert reported[0] == (1, 12)
+    assert [done for done, _ in reported] == [1, 2, 3]
+    assert ((found.joints >= gripper_model.lower) & (found.joints <= gripper_model.upper)).all()
+    assert found.joint_names == ("close",)
+
+
+def test_every_candidate_is_kept_or_counted_once(gripper_model: HandModel, cube: ObjectModel):
+    found = planner(max_batches=2, max_distance_m=0.02).plan(gripper_model, cube, 8, seeded())
+    assert len(found) + sum(found.provenance["rejected"].values()) == 8
+
+
+def test_it_finds_a_grasp_of_the_cube(gripper_model: HandModel, cube: ObjectModel):
+    found = planner(steps=120, batch=16, max_batches=3, max_penetration_m=0.004).plan(
+        gripper_model, cube, 1, seeded()
+    )
+    assert len(found) == 1
+    assert found.energies["force_closure"].item() <= 0.25
+    assert found.energies["penetration_depth_mm"].item() <= 4
+    assert found.provenance["acceptance_rate"] > 0.05
+
+
+def test_the_same_seed_gives_the_same_grasps(gripper_model: HandModel, cube: ObjectModel):
+    runs = [planner(**LENIENT).plan(gripper_model, cube, 4, seeded(s)) for s in (0, 0, 1)]
+    assert torch.equal(runs[0].poses, runs[1].poses)
+    assert torch.equal(runs[0].joints, runs[1].joints)
+    assert not torch.equal(runs[0].poses, runs[2].poses)
+
+
+def test_an_object_too_large_gives_no_grasp_but_reasons(
+    gripper_model: HandModel, tmp_path: Path
+):
+    trimesh.creation.box((0.4, 0.4, 0.4)).export(tmp_path / "crate.stl")
+    crate = load_object(tmp_path / "crate.stl", "crate")
+    found = planner(steps=20, batch=8, max_batches=2).plan(gripper_model, crate, 4, seeded())
+    assert len(found) == 0
+    assert found.joints.shape == (0, 1)
+    assert sum(found.provenance["rejected"].values()) == 16
+
+
+def test_a_hand_without_contact_regions_is_refused(cube: ObjectModel, tmp_path: Path):
+    folder = write_gripper(tmp_path)
+    manifest = (folder / "hand.yaml").read_text()
+    head, _, tail = manifest.partition("contact_regions:")
+    tail = tail[tail.index("drives:") :]
+    (folder / "hand.yaml").write_text(f"{head}contact_regions: {{}}\n{tail}")
+    hand = build_model(load_hand(folder))
+    with pytest.raises(GdgError, match="two_jaws.*contact_regions"):
+        planner().plan(hand, cube, 1, seeded())
