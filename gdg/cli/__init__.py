@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import os
 import sys
 
 import click
@@ -59,6 +60,9 @@ def cli() -> None:
 
 def main() -> None:
     """Entry point: a user's mistake is one clear message on stderr and exit code 2."""
+    # Threads that spin while they wait for each other slow torch down a hundredfold on a busy
+    # machine; this must be said before torch is imported, and workers inherit it.
+    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
     try:
         cli(standalone_mode=False)
     except GdgError as error:

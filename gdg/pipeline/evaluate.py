@@ -19,6 +19,7 @@ from gdg.cache import content_hash
 from gdg.config import RunConfig
 from gdg.data.atomic import write_text_atomically
 from gdg.data.grasps import GraspSet, load_grasps
+from gdg.data.json_values import finite_or_none
 from gdg.errors import GdgError
 from gdg.metrics import joint_diversity, wilson_interval
 from gdg.pipeline.jobs import EvalJob
@@ -85,9 +86,8 @@ def run_eval(
     if errors:
         raise GdgError("\n".join(dict.fromkeys(errors)))
     rows = summarise([(config, load_grasps(_cell(folder, config))) for config in configs])
-    write_text_atomically(
-        folder / "summary.json", json.dumps([asdict(row) for row in rows], indent=1) + "\n"
-    )
+    tree = finite_or_none([asdict(row) for row in rows])
+    write_text_atomically(folder / "summary.json", json.dumps(tree, indent=1) + "\n")
     write_text_atomically(folder / "summary.md", markdown(rows))
     return rows, folder
 
@@ -142,10 +142,11 @@ def summarise(cells: Sequence[tuple[RunConfig, GraspSet]]) -> list[Row]:
     keys = [k for k in dict.fromkeys(["hand", *varying]) if k not in pooled]
     groups: dict[tuple[str, ...], list[int]] = {}
     for index, tree in enumerate(trees):
-        groups.setdefault(tuple(_short(tree.get(k, "")) for k in keys), []).append(index)
+        groups.setdefault(tuple(tree.get(k, "") for k in keys), []).append(index)
+    columns = zip(*(_shortened(column) for column in zip(*groups, strict=True)), strict=True)
     return [
         _row(dict(zip(keys, values, strict=True)), [cells[i][1] for i in members])
-        for values, members in groups.items()
+        for values, members in zip(columns, groups.values(), strict=True)
     ]
 
 
@@ -207,8 +208,10 @@ def _flat(tree: dict[str, Any], prefix: str = "") -> dict[str, str]:
     return flat
 
 
-def _short(value: str) -> str:
-    return Path(value).stem if "/" in value else value
+def _shortened(values: Sequence[str]) -> list[str]:
+    """Paths cut to their file names, unless that makes different ones equal."""
+    short = [Path(value).stem if "/" in value else value for value in values]
+    return short if len(set(short)) == len(set(values)) else list(values)
 
 
 #: Titles of the columns after the settings.

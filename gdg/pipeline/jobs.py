@@ -82,7 +82,7 @@ class SynthJob(PairJob):
         n: passing grasps wanted per hand-object pair.
         shard: candidates planned per shard, the unit that is lost at most when a run is killed.
         max_shards: give a pair up after this many shards.
-        keep_failed: store grasps that fail the simulation too.
+        keep_failed: store grasps that fail the simulation too; shards made before stay as they are.
         out: folder of the dataset.
         workers: processes that share the shards.
     """

@@ -116,6 +116,12 @@ def generator_for(seed: int) -> torch.Generator:
 
 
 def _device(name: str) -> torch.device:
-    if name.startswith("cuda") and not torch.cuda.is_available():
+    device = torch.device(name)
+    if device.type != "cuda":
+        return device
+    if not torch.cuda.is_available():
         raise GdgError(f"device={name}: torch finds no CUDA device here; write device=cpu.")
-    return torch.device(name)
+    count = torch.cuda.device_count()
+    if device.index is not None and device.index >= count:
+        raise GdgError(f"device={name}: torch finds {count} CUDA devices here, cuda:0 the first.")
+    return device

@@ -10,9 +10,10 @@ from multiprocessing import get_context
 from pathlib import Path
 
 from gdg.cache import content_hash
+from gdg.components import config_key
 from gdg.config import RunConfig
 from gdg.data.dataset import read_shard, shard_path, write_shard
-from gdg.errors import GdgError
+from gdg.errors import GdgError, raise_if_any
 from gdg.pipeline.jobs import SynthJob
 from gdg.pipeline.pair import Pair, generator_for
 from gdg.pipeline.workers import limit_threads
@@ -29,6 +30,7 @@ class PairResult:
         tested: grasps simulated in this run.
         planned: candidates of this run, before the planner's thresholds.
         reason: why the pair was given up, or "".
+        mistake: whether the reason is a mistake in what the user gave.
     """
 
     hand: str
@@ -37,6 +39,7 @@ class PairResult:
     tested: int
     planned: int
     reason: str = ""
+    mistake: bool = False
 
 
 def run_synth(
@@ -44,18 +47,22 @@ def run_synth(
 ) -> tuple[list[PairResult], Path]:
     """Synthesises every pair; a re-run goes on where the last one stopped.
 
-    Shards are named by the hash of what made them (hand, object, planner, seed), so nothing is
-    made twice, and a pair that has its ``n`` passing grasps is left alone.
+    Shards are named by the hash of what made them (hand, object, components, protocol, seed), so
+    nothing is made twice, and a pair that has its ``n`` passing grasps is left alone.
 
     Args:
         configs: one per pair.
         report: called as each pair ends.
+
+    Raises:
+        GdgError: the mistakes of all pairs, once the others are done.
     """
     results = []
     for result in _run_pairs(configs):
         results.append(result)
         if report is not None:
             report(result)
+    raise_if_any(list(dict.fromkeys(result.reason for result in results if result.mistake)))
     return results, Path(configs[0].job.out)
 
 
@@ -74,14 +81,17 @@ def _run_pairs(configs: Sequence[RunConfig]) -> Iterable[PairResult]:
 
 def synthesise_pair(config: RunConfig) -> PairResult:
     """Plans and simulates shards until the pair has its grasps, or is given up."""
-    job: SynthJob = config.job
     try:
-        pair = Pair.load(config)
+        return _fill(Pair.load(config))
     except GdgError as error:
-        return PairResult(job.hand, job.object, 0, 0, 0, str(error))
+        return PairResult(config.job.hand, config.job.object, 0, 0, 0, str(error), mistake=True)
+
+
+def _fill(pair: Pair) -> PairResult:
+    job: SynthJob = pair.config.job
     root, passed, tested, planned = Path(job.out), 0, 0, 0
     for shard in range(job.max_shards):
-        key = _shard_key(config, pair, shard)
+        key = _shard_key(pair, shard)
         path = shard_path(root, pair.hand.hand.name, pair.obj.name, key)
         if path.is_file():
             passed += len(read_shard(path).passed)
@@ -109,8 +119,19 @@ def _make_shard(pair: Pair, root: Path, key: str, shard: int) -> tuple[int, int]
     return tested, len(passed)
 
 
-def _shard_key(config: RunConfig, pair: Pair, shard: int) -> str:
-    tree = config.as_tree()
-    made_by = {key: tree[key] for key in ("planner", "simulator", "hand_model", "protocol")}
-    parts = json.dumps(made_by, sort_keys=True), config.job.seed, config.job.shard, shard
+def _shard_key(pair: Pair, shard: int) -> str:
+    tree, job = pair.config.as_tree(), pair.config.job
+    made_by = {key: tree[key] for key in (*_used_components(pair), "protocol", "refine")}
+    parts = json.dumps(made_by, sort_keys=True), job.seed, job.shard, shard
     return content_hash(pair.hand.hand.content_hash, pair.obj.content_hash, *parts)[:16]
+
+
+def _used_components(pair: Pair) -> list[str]:
+    """Config keys of the components that shape grasps, with all that these use in turn."""
+    used, pending = [], ["hand_model", "planner", "simulator"]
+    while pending:
+        key = pending.pop()
+        if key not in used:
+            used.append(key)
+            pending += map(config_key, pair.config.components[key].record.uses)
+    return used

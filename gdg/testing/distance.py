@@ -206,6 +206,6 @@ def gaps(case: DistanceCase) -> Iterator[str]:
 
 
 CHECKS = (
-    result, minimum, given_points, gradient, gradient_in_contact, rigid_motion, permutations, batches,
-    contact_value, gaps,
+    result, minimum, given_points, gradient, gradient_in_contact, rigid_motion, permutations,
+    batches, contact_value, gaps,
 )  # fmt: skip

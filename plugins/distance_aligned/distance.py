@@ -38,13 +38,13 @@ class AlignedDistance(Distance):
         hand_index: Int[Tensor, "batch object_point"] | None = None,
     ) -> HandDistance:
         """The minimum over hand points; see the interface."""
-        index = hand_index
+        index, gamma = hand_index, self.options.gamma
         if index is None:
-            index = nearest_hand_points(object_points, object_normals, hand_points, self.options.gamma)
+            index = nearest_hand_points(object_points, object_normals, hand_points, gamma)
         difference = gather_points(hand_points, index) - object_points
         length = (difference.square().sum(-1) + 1e-16).sqrt()
         alignment = (difference * object_normals).sum(-1) / (length + EPSILON_M)
-        distance = torch.exp(self.options.gamma * (1 - alignment)) * length.sqrt()
+        distance = torch.exp(gamma * (1 - alignment)) * length.sqrt()
         return HandDistance(distance, index)
 
     def contact_value(self, distance: Float[Tensor, "*shape"]) -> Float[Tensor, "*shape"]:

@@ -32,10 +32,10 @@ class Chains:
 class Mala:
     """Runs chains of one hand on one object.
 
-    Proposals are x − s g/√E[g²] + noise; a proposal is accepted with probability
-    min(1, exp((E − E')/T)). Step s and temperature T decay geometrically (Wang et al. 2023), where
-    the published MALA (Liu et al. 2021) ties both to the energy. A chain whose proposal is not
-    finite rejects it, so it never spreads.
+    Proposals are x − 2 u s g/√E[g²] with u uniform in [0, 1], in place of Langevin's added noise;
+    a proposal is accepted with probability min(1, exp((E − E')/T)). Step s and temperature T decay
+    geometrically (Wang et al. 2023), where the published MALA (Liu et al. 2021) ties both to the
+    energy. A chain whose proposal is not finite rejects it, so it never spreads.
     """
 
     def __init__(self, energy: GraspEnergy, options: DfcOptions, generator: torch.Generator):

@@ -3,9 +3,9 @@
     pytest tests/benchmarks --benchmark-only
 
 Times depend on the machine and its load: each result carries the number of threads and the version
-of torch. Beside other work, threads wait for each other and times say little; compare with
-OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 then. Rows of one group do the same work in different ways, or
-for different hands.
+of torch. Beside other work, threads that spin while they wait slow each other down a hundredfold;
+OMP_WAIT_POLICY=PASSIVE, or one thread (OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1), avoids that. Rows of
+one group do the same work in different ways, or for different hands.
 """
 
 from __future__ import annotations
@@ -75,6 +75,7 @@ def circumstances(benchmark: Any, as_users_run_it: None) -> None:
         torch_threads=torch.get_num_threads(),
         numba_threads=numba.get_num_threads(),
         processors=os.cpu_count(),
+        wait_policy=os.environ.get("OMP_WAIT_POLICY", ""),
     )
 
 

@@ -54,7 +54,7 @@ def maps(gripper_model: HandModel, cube: ObjectModel, truth: Tensor) -> ContactM
 @pytest.fixture(scope="module")
 def all_fitted(gripper_model: HandModel, cube: ObjectModel, maps: ContactMap) -> GraspSet:
     """Every particle of a fit from the paper's starts."""
-    run = fitter(particles=8, steps=100, all_particles=True)
+    run = fitter(particles=6, steps=80, all_particles=True)
     return run.fit(gripper_model, cube, maps, seeded(1))
 
 
@@ -82,9 +82,9 @@ def test_a_disturbed_hand_finds_back_to_its_map(
 def test_from_the_papers_starts_the_map_is_approached(
     gripper_model: HandModel, cube: ObjectModel, maps: ContactMap, all_fitted: GraspSet
 ):
-    run = fitter(particles=8)
-    start = run._start(gripper_model, cube, 8, seeded(1))
-    before = run.terms(gripper_model, cube, start, maps.values.expand(8, -1)).contact
+    run = fitter()
+    start = run._start(gripper_model, cube, 6, seeded(1))
+    before = run.terms(gripper_model, cube, start, maps.values.expand(6, -1)).contact
     after = all_fitted.energies["contact"]
     best = int(all_fitted.energies["total"].argmin())
     assert after[best] < 0.6 * before.min()
@@ -102,7 +102,7 @@ def test_a_growing_penetration_weight_keeps_hands_out(
 ):
     depths = []
     for weight in (0.0, 0.1):
-        options = {"steps": 40, "penetration_weight": weight, "all_particles": True}
+        options = {"steps": 25, "particles": 4, "penetration_weight": weight, "all_particles": True}
         found = fitter(**options).fit(gripper_model, cube, maps, seeded())
         depths.append(found.energies["penetration_depth_mm"].median().item())
     assert depths[1] < 0.5 * depths[0]
