@@ -45,7 +45,7 @@ def pytest_configure(config: pytest.Config) -> None:
     os.environ["XDG_DATA_HOME"] = str(config.cache.mkdir("gdg-user-data"))
     for variable in ("GDG_HANDS_PATH", "GDG_OBJECTS_PATH", "GDG_STRICT_PLUGINS"):
         os.environ.pop(variable, None)
-    torch.set_num_threads(2)
+    torch.set_num_threads(1)
 
 
 @pytest.fixture(scope="session")

@@ -138,7 +138,9 @@ def summarise(cells: Sequence[tuple[RunConfig, GraspSet]]) -> list[Row]:
     """One row per combination of settings, objects and seeds pooled."""
     trees = [_flat(config.as_tree()) for config, _ in cells]
     pooled = {"object", "seed", "out", "workers"}
-    varying = [k for k in trees[0] if len({t.get(k) for t in trees}) > 1 and k not in pooled]
+    # an option that some cells' components don't have can't tell rows apart; their names do
+    shared = [key for key in trees[0] if all(key in tree for tree in trees)]
+    varying = [key for key in shared if len({tree[key] for tree in trees}) > 1]
     keys = [k for k in dict.fromkeys(["hand", *varying]) if k not in pooled]
     groups: dict[tuple[str, ...], list[int]] = {}
     for index, tree in enumerate(trees):

@@ -13,6 +13,10 @@ from gdg.pipeline.jobs import GraspJob
 from gdg.pipeline.pair import Pair, generator_for
 from gdg.yaml_files import dump_yaml
 
+#: The picture shows the best grasps only, since each takes about half a second to draw; the
+#: interactive report has all of them.
+MAX_PICTURED = 16
+
 
 @dataclass(frozen=True)
 class GraspRun:
@@ -63,7 +67,8 @@ def _draw(pair: Pair, grasps: GraspSet, folder: Path, config_text: str, stages: 
         from gdg.report.contact_sheet import contact_sheet  # heavy: pulls in VTK
 
         stages.stage("drawing")(0, 1)
-        contact_sheet(pair.hand, pair.obj, grasps, folder / "grasps.png")
+        shown = grasps.select(range(min(MAX_PICTURED, len(grasps))))
+        contact_sheet(pair.hand, pair.obj, shown, folder / "grasps.png")
     if job.report:
         from gdg.report.html import html_report
 

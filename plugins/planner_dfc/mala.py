@@ -32,8 +32,7 @@ class Chains:
 class Mala:
     """Runs chains of one hand on one object.
 
-    Proposals are x − 2 u s g/√E[g²] with u uniform in [0, 1], in place of Langevin's added noise;
-    a proposal is accepted with probability min(1, exp((E − E')/T)). Step s and temperature T decay
+    Proposals are x − 2 u s g/√E[g²] + ``noise`` s N(0, I) with u uniform in [0, 1]; a proposal is accepted with probability min(1, exp((E − E')/T)). Step s and temperature T decay
     geometrically (Wang et al. 2023), where the published MALA (Liu et al. 2021) ties both to the
     energy. A chain whose proposal is not finite rejects it, so it never spreads.
     """
@@ -67,7 +66,8 @@ class Mala:
         # the steps vary between chains and times: some explore while others settle
         factor = 2 * self._uniform(len(chains.q), 1)
         move = factor * size * chains.q_gradient / (q_scale + 1e-6)
-        q = chains.q - move.clamp(-0.1, 0.1)
+        noise = torch.randn(chains.q.shape, generator=self._generator).to(chains.q.device)
+        q = chains.q - move.clamp(-0.1, 0.1) + o.noise * size * noise
         # a region is about 20 mm wide, so a logit of 1 is about 5 mm: 50 times a metre's step
         slide = factor[..., None] * 50 * size * chains.place_gradient / (place_scale + 1e-6)
         place = (chains.contacts.place - slide.clamp(-1, 1)).clamp(-MAX_PLACE, MAX_PLACE)

@@ -27,6 +27,7 @@ class DfcOptions(Options):
         limit_weight: per radian of joint-limit violation.
         normal_weight: weight of Σ (1 + ⟨n_hand, n_object⟩), which turns pads toward the surface.
         step_size: Langevin step at the start; it decays by ``decay`` every ``step_period``.
+        noise: standard deviation of Langevin's noise, as a share of the step (Liu et al. 2021).
         temperature: at the start; it decays by ``decay`` every ``temperature_period``.
         switch_probability: chance per step and chain that one contact moves to another region.
         surface_stride: penetration is summed over every so-manieth surface point while sampling;
@@ -49,6 +50,7 @@ class DfcOptions(Options):
     limit_weight: Weight = 10.0
     normal_weight: Weight = 0.2
     step_size: Positive = 0.005
+    noise: Weight = 0.1
     temperature: Positive = 2.0
     decay: Annotated[float, Field(gt=0, le=1)] = 0.95
     step_period: Annotated[int, Field(ge=1)] = 20
