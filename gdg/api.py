@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from gdg.config import JobConfig, RunConfig, compose
 from gdg.errors import GdgError
+from gdg.objects.splits import expand_split
 from gdg.pipeline.jobs import DEFAULTS, EvalJob, PairJob
 from gdg.registry import get_registry
 from gdg.yaml_files import dump_yaml
@@ -47,7 +48,7 @@ def grasp(
     from gdg.pipeline.pair import Pair, generator_for
 
     pair = Pair.load(configs[0])
-    grasps = pair.plan(n, generator_for(configs[0].job.seed))
+    grasps = pair.plan(pair.job.n, generator_for(pair.job.seed))
     return pair.simulate(grasps) if simulate and len(grasps) else grasps
 
 
@@ -77,4 +78,4 @@ def evaluate(
 
 def _configs(model: type[JobConfig], job: dict[str, Any], words: Sequence[str]) -> list[RunConfig]:
     given = [f"{key}={dump_yaml([value]).strip()[2:]}" for key, value in job.items()]
-    return compose(model, get_registry(), DEFAULTS, (), [*given, *words])
+    return compose(model, get_registry(), DEFAULTS, (), [*given, *map(expand_split, words)])

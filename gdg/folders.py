@@ -177,7 +177,7 @@ HANDS = FolderKind(
     "hand.yaml",
     "GDG_HANDS_PATH",
     "gdg.hands",
-    file_hint=" gdg hands new FILE.urdf makes such a folder from a URDF.",
+    file_hint=" Put the URDF into a folder beside a hand.yaml (hands/allegro is an example).",
 )
 OBJECTS = FolderKind(
     "object", "object.yaml", "GDG_OBJECTS_PATH", "gdg.objects", (".stl", ".obj", ".ply", ".off")

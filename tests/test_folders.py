@@ -230,7 +230,7 @@ def test_what_is_no_gadget_is_explained(
     assert reason in str(caught.value)
 
 
-def test_a_urdf_in_place_of_a_hand_folder_gets_the_command_that_makes_one(tmp_path: Path):
+def test_a_urdf_in_place_of_a_hand_folder_is_told_where_to_put_it(tmp_path: Path):
     (tmp_path / "my.urdf").touch()
-    with pytest.raises(GdgError, match="gdg hands new"):
+    with pytest.raises(GdgError, match=r"beside a hand\.yaml"):
         HANDS.find(str(tmp_path / "my.urdf"))

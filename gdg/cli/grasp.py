@@ -22,7 +22,7 @@ def grasp(settings: tuple[str, ...], files: tuple[Path, ...]) -> None:
     from rich.console import Console
 
     from gdg.cli.progress import BarStages, bars
-    from gdg.pipeline.grasp import run_grasp
+    from gdg.pipeline.grasp import OUTPUTS, run_grasp
     from gdg.report.table import summary_line, verdict_table
 
     with bars() as progress:
@@ -37,6 +37,8 @@ def grasp(settings: tuple[str, ...], files: tuple[Path, ...]) -> None:
         console.print(summary_line(run.grasps), markup=False)
     for note in run.grasps.provenance.get("object_notes", ()):
         console.print(f"Note on {run.grasps.object_name}: {note}.", markup=False)
-    for name in ("grasps.json", "config.yaml", "grasps.png", "report.html"):
+    if 0 < len(run.grasps) < config.job.n:
+        console.print(f"{len(run.grasps)} of the {config.job.n} grasps asked for were found.")
+    for name in OUTPUTS:
         if (run.folder / name).exists():
             console.print(f"  {run.folder / name}", markup=False, soft_wrap=True)

@@ -13,8 +13,7 @@ import yaml
 from gdg.components import config_key
 from gdg.config import JobConfig, RunConfig, compose
 from gdg.errors import GdgError
-from gdg.folders import OBJECTS
-from gdg.objects.spec import MANIFEST, read_object_spec
+from gdg.objects.splits import expand_split
 from gdg.registry import get_registry
 
 
@@ -39,7 +38,7 @@ def configs_from(
     settings: Sequence[str],
 ) -> list[RunConfig]:
     """The configs that files and words describe; ``object=train`` and ``test`` name splits."""
-    words = [_expand_split(word) for word in settings]
+    words = [expand_split(word) for word in settings]
     return compose(job, get_registry(), defaults, files, words)
 
 
@@ -51,27 +50,10 @@ def single(configs: list[RunConfig]) -> RunConfig:
     """
     if len(configs) > 1:
         raise GdgError(
-            f"this command runs one setting, but commas gave {len(configs)}; use gdg eval to sweep."
+            f"this command runs one setting, but commas gave {len(configs)}; write [a, b] for a "
+            f"list, or sweep with gdg eval."
         )
     return configs[0]
-
-
-def _expand_split(word: str) -> str:
-    key, _, value = word.partition("=")
-    if key != "object":
-        return word
-    names: list[str] = []
-    for name in value.split(","):
-        names += _names_of_split(name) if name in ("train", "test") else [name]
-    return f"object={','.join(names)}"
-
-
-def _names_of_split(split: str) -> list[str]:
-    found = [folder for folder in OBJECTS.all().values() if (folder.path / MANIFEST).is_file()]
-    names = [folder.name for folder in found if read_object_spec(folder.path).split == split]
-    if not names:
-        raise GdgError(f"object={split}: no object that gdg finds belongs to that split.")
-    return names
 
 
 def _settings_help(job: type[JobConfig], defaults: dict[str, str]) -> str:

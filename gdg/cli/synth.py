@@ -32,7 +32,7 @@ def synth(settings: tuple[str, ...], files: tuple[Path, ...]) -> None:
         def report(result: PairResult) -> None:
             nonlocal count
             count += result.passed
-            rate = f"{result.passed} grasps, {result.tested} tested, {result.planned} planned"
+            rate = f"{result.passed} grasps, {result.tested} tested, {result.candidates} candidates"
             note = f": {result.reason}" if result.reason else ""
             progress.console.print(f"{result.hand} · {result.object_name}: {rate}{note}")
             progress.advance(task)

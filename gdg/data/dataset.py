@@ -31,7 +31,7 @@ ENERGY_PREFIX = "energy_"
 #: Facts of a shard's hand and object that its writer must give.
 REQUIRED = ("hand_hash", "object_hash", "split")
 #: Facts that it may give.
-OPTIONAL = ("object_path", "object_scale")
+OPTIONAL = ("hand_path", "object_path", "object_scale")
 
 _NUMBERS = pa.list_(pa.float32())
 
@@ -50,6 +50,7 @@ class ShardInfo:
         split: ``train``, ``test`` or ``""`` for an object without a manifest.
         joint_names: columns of the joint values.
         root_link: the link whose poses are stored.
+        hand_path: what to load the hand by, if its name does not find it.
         object_path: what to load the object by, if its name does not find it.
         object_scale: factor from the mesh's unit to metres.
         count: grasps in the file.
@@ -65,6 +66,7 @@ class ShardInfo:
     split: str
     joint_names: tuple[str, ...]
     root_link: str
+    hand_path: str = ""
     object_path: str = ""
     object_scale: float = 1.0
     count: int = 0
@@ -86,7 +88,8 @@ def write_shard(root: Path, key: str, grasps: GraspSet, provenance: Mapping[str,
         root: the dataset's folder.
         key: names the shard; the same key of the same pair replaces it.
         grasps: what to store; verdicts, targets, energies and status where it has them.
-        provenance: ``hand_hash``, ``object_hash``, ``split``, optionally ``object_path`` and
+        provenance: ``hand_hash``, ``object_hash``, ``split``, optionally ``hand_path``,
+            ``object_path`` and
             ``object_scale``; other entries join the grasps' own provenance.
 
     Raises:

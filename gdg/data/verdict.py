@@ -26,7 +26,7 @@ class Verdict:
         drift_m: how far the object moved while the hand closed and settled, metres.
         contact_kept: whether hand and object still touched after each push.
         penetration_start_mm: largest overlap of hand and object before the test, millimetres,
-            by the object's signed distance at the hand's surface points.
+            by the object's signed distance at the hand's surface points and inscribed spheres.
         penetration_end_mm: the solver's largest overlap after settling, millimetres.
         free_displacement_m: how far the same object moves in one push without any hand.
         shift_successes: successes over trials in which the hand was shifted a little; the

@@ -6,25 +6,23 @@ import itertools
 import json
 import math
 import statistics
-from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 import torch
 
-from gdg.cache import content_hash
 from gdg.config import RunConfig
 from gdg.data.atomic import write_text_atomically
 from gdg.data.grasps import GraspSet, load_grasps
 from gdg.data.json_values import finite_or_none
 from gdg.errors import GdgError
 from gdg.metrics import joint_diversity, wilson_interval
+from gdg.pipeline.fingerprint import fingerprint
 from gdg.pipeline.jobs import EvalJob
 from gdg.pipeline.pair import Pair, generator_for
-from gdg.pipeline.workers import limit_threads
+from gdg.pipeline.workers import run_all
 from gdg.yaml_files import dump_yaml
 
 
@@ -36,7 +34,7 @@ class Row:
         settings: the settings that distinguish the rows of this evaluation.
         protocol: label of the protocol.
         objects: number of objects.
-        n: grasps tested.
+        n: grasps asked for; one that the planner did not find counts as a failure.
         successes: grasps that passed.
         interval: 95 % Wilson interval of the success rate.
         stable: share of grasps whose verdict was the same in all shifted trials.
@@ -64,7 +62,8 @@ def run_eval(
 ) -> tuple[list[Row], Path]:
     """Runs every cell that has no result yet, and summarises all.
 
-    Results lie in ``out/cells/KEY/grasps.json``, KEY being the hash of the cell's resolved config;
+    Results lie in ``out/cells/KEY/grasps.json``, KEY being the hash of all that shapes them
+    (``gdg.pipeline.fingerprint``);
     a cell that is complete is not run again. A cell that fails with a ``GdgError`` leaves the
     others alone and is raised at the end.
 
@@ -74,37 +73,23 @@ def run_eval(
     """
     job: EvalJob = configs[0].job
     folder = Path(job.out)
-    pending = [config for config in configs if not _finished(folder, config)]
-    done, errors = len(configs) - len(pending), []
+    cells, errors = _cells(folder, configs)
+    pending = [config for path, config in cells.items() if not path.is_file()]
+    done = len(configs) - len(pending)
     tell = report or (lambda *_: None)
     tell(done, len(configs), "")
-    for config, error in _run_cells(pending, job.workers):
+    for config, error in run_all(run_cell, pending, job.workers):
         done += 1
         if error is not None:
             errors.append(error)
         tell(done, len(configs), f"{config.job.hand} · {config.job.object}")
     if errors:
         raise GdgError("\n".join(dict.fromkeys(errors)))
-    rows = summarise([(config, load_grasps(_cell(folder, config))) for config in configs])
+    rows = summarise([(config, load_grasps(path)) for path, config in cells.items()])
     tree = finite_or_none([asdict(row) for row in rows])
     write_text_atomically(folder / "summary.json", json.dumps(tree, indent=1) + "\n")
     write_text_atomically(folder / "summary.md", markdown(rows))
     return rows, folder
-
-
-def _run_cells(
-    configs: Sequence[RunConfig], workers: int
-) -> Iterable[tuple[RunConfig, str | None]]:
-    if workers == 1 or len(configs) <= 1:
-        for config in configs:
-            yield config, run_cell(config)
-        return
-    with ProcessPoolExecutor(
-        workers, mp_context=get_context("spawn"), initializer=limit_threads, initargs=(workers,)
-    ) as pool:
-        futures = {pool.submit(run_cell, config): config for config in configs}
-        for future in as_completed(futures):
-            yield futures[future], future.result()
 
 
 def run_cell(config: RunConfig) -> str | None:
@@ -124,14 +109,21 @@ def run_cell(config: RunConfig) -> str | None:
 
 
 def _cell(folder: Path, config: RunConfig) -> Path:
-    tree = config.as_tree()
-    for key in ("out", "workers"):
-        tree.pop(key)
-    return folder / "cells" / content_hash(json.dumps(tree, sort_keys=True))[:16] / "grasps.json"
+    return folder / "cells" / fingerprint(config, config.job.n) / "grasps.json"
 
 
-def _finished(folder: Path, config: RunConfig) -> bool:
-    return _cell(folder, config).is_file()
+def _cells(
+    folder: Path, configs: Sequence[RunConfig]
+) -> tuple[dict[Path, RunConfig], list[str]]:
+    """Result file -> config, each cell once, and the mistakes of configs that have none."""
+    cells: dict[Path, RunConfig] = {}
+    mistakes = []
+    for config in configs:
+        try:
+            cells[_cell(folder, config)] = config
+        except GdgError as error:
+            mistakes.append(str(error))
+    return cells, mistakes
 
 
 def summarise(cells: Sequence[tuple[RunConfig, GraspSet]]) -> list[Row]:
@@ -147,15 +139,20 @@ def summarise(cells: Sequence[tuple[RunConfig, GraspSet]]) -> list[Row]:
         groups.setdefault(tuple(tree.get(k, "") for k in keys), []).append(index)
     columns = zip(*(_shortened(column) for column in zip(*groups, strict=True)), strict=True)
     return [
-        _row(dict(zip(keys, values, strict=True)), [cells[i][1] for i in members])
+        _row(
+            dict(zip(keys, values, strict=True)),
+            [cells[i][1] for i in members],
+            sum(cells[i][0].job.n for i in members),
+        )
         for values, members in zip(columns, groups.values(), strict=True)
     ]
 
 
-def _row(settings: dict[str, str], sets: list[GraspSet]) -> Row:
+def _row(settings: dict[str, str], sets: list[GraspSet], requested: int) -> Row:
     verdicts = [verdict for grasps in sets for verdict in grasps.verdicts]
-    n, successes = len(verdicts), sum(verdict.success for verdict in verdicts)
-    failures: dict[str, int] = {}
+    successes = sum(verdict.success for verdict in verdicts)
+    n = max(requested, len(verdicts))
+    failures = {"not found": n - len(verdicts)} if n > len(verdicts) else {}
     for verdict in verdicts:
         if verdict.failure:
             failures[verdict.failure] = failures.get(verdict.failure, 0) + 1
@@ -170,7 +167,7 @@ def _row(settings: dict[str, str], sets: list[GraspSet]) -> Row:
         n=n,
         successes=successes,
         interval=wilson_interval(successes, n),
-        stable=sum(verdict.stable for verdict in verdicts) / max(1, n),
+        stable=sum(verdict.stable for verdict in verdicts) / max(1, len(verdicts)),
         diversity_rad=_pooled_diversity(sets),
         penetration_mm=_median_penetration(sets),
         seconds=seconds,

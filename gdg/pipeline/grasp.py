@@ -13,6 +13,9 @@ from gdg.pipeline.jobs import GraspJob
 from gdg.pipeline.pair import Pair, generator_for
 from gdg.yaml_files import dump_yaml
 
+PICTURES = ("grasps.png", "report.html")
+#: What a run writes into its folder, in this order.
+OUTPUTS = ("grasps.json", "config.yaml", *PICTURES)
 #: The picture shows the best grasps only, since each takes about half a second to draw; the
 #: interactive report has all of them.
 MAX_PICTURED = 16
@@ -51,9 +54,11 @@ def run_grasp(config: RunConfig, stages: Stages | None = None) -> GraspRun:
     folder = Path(job.out or f"runs/grasp/{pair.hand.hand.name}-{pair.obj.name}-seed{job.seed}")
     folder.mkdir(parents=True, exist_ok=True)
     config_text = dump_yaml(config.as_tree())
-    write_text_atomically(folder / "config.yaml", config_text)
     grasps = pair.plan(job.n, generator_for(job.seed), stages.stage("planning"))
+    for name in PICTURES:  # those of an earlier run must not pass for this one's
+        (folder / name).unlink(missing_ok=True)
     grasps.save(folder / "grasps.json")
+    write_text_atomically(folder / "config.yaml", config_text)
     if job.simulate and len(grasps):
         grasps = pair.simulate(grasps, stages.stage("simulating"))
         grasps.save(folder / "grasps.json")

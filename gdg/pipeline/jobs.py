@@ -41,7 +41,7 @@ class PairJob(JobConfig):
     object: str
     object_scale: Annotated[float, Field(gt=0)] = 1.0
     n: Count = 8
-    seed: int = 0
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
     device: Annotated[str, Field(pattern=r"^(cpu|cuda(:\d+)?)$")] = "cpu"
     protocol: str = "dro-2024"
     refine: bool = True
@@ -80,7 +80,8 @@ class SynthJob(PairJob):
 
     Attributes:
         n: passing grasps wanted per hand-object pair.
-        shard: candidates planned per shard, the unit that is lost at most when a run is killed.
+        shard: grasps asked of the planner per shard, the unit that is lost at most when a run is
+            killed.
         max_shards: give a pair up after this many shards.
         keep_failed: store grasps that fail the simulation too; shards made before stay as they are.
         out: folder of the dataset.

@@ -92,9 +92,12 @@ class Pair:
         """Versions and content hashes of everything that shaped the grasps."""
         return {
             "gdg": gdg.__version__,
+            "seed": self.job.seed,
+            "device": self.job.device,
             "hand_hash": self.hand.hand.content_hash,
             "object_hash": self.obj.content_hash,
             "object_notes": list(self.obj.notes),
+            "hand_path": self.job.hand,
             "object_path": self.job.object,
             "object_scale": self.job.object_scale,
             "split": self.obj.split,

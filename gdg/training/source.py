@@ -164,12 +164,13 @@ class MapSource:
         return cache_directory() / "maps" / f"{content_hash(*parts)}.npy"
 
     def _hand(self, info: ShardInfo) -> HandModel:
-        if info.hand not in self._hands:
-            hand = find_hand(info.hand)
+        given = info.hand_path or info.hand
+        if given not in self._hands:
+            hand = find_hand(given)
             choice = self._hand_model
             model = choice.record.load()(choice.options, hand, torch.device("cpu"))
-            self._hands[info.hand] = model
-        model = self._hands[info.hand]
+            self._hands[given] = model
+        model = self._hands[given]
         if model.hand.content_hash != info.hand_hash:
             raise GdgError(
                 f"{info.path}: its grasps were made with another version of the hand "

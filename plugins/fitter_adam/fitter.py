@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import torch
 from jaxtyping import Float, Int
@@ -41,6 +41,32 @@ class Terms:
     hand_index: Int[Tensor, "batch object_point"]
 
 
+@dataclass(frozen=True)
+class GraspBatch:
+    """Fitted pose vectors with their energies and contact maps, on the CPU."""
+
+    q: Float[Tensor, "batch dof"]
+    energies: dict[str, Float[Tensor, "batch"]]
+    contact_values: Float[Tensor, "batch object_point"]
+
+    @classmethod
+    def joined(cls, batches: Sequence[GraspBatch]) -> GraspBatch:
+        """All batches as one, in order."""
+        return cls(
+            torch.cat([batch.q for batch in batches]),
+            {
+                name: torch.cat([batch.energies[name] for batch in batches])
+                for name in batches[0].energies
+            },
+            torch.cat([batch.contact_values for batch in batches]),
+        )
+
+    def select(self, rows: Int[Tensor, "kept"]) -> GraspBatch:
+        """Some rows, in the given order."""
+        energies = {name: values[rows] for name, values in self.energies.items()}
+        return GraspBatch(self.q[rows], energies, self.contact_values[rows])
+
+
 class AdamFitter(Fitter):
     """E = mean_i |C_i(q) − C*_i| + w_p E_p + w_n E_n + w_s E_self, by Adam on all of q.
 
@@ -65,21 +91,20 @@ class AdamFitter(Fitter):
         targets = in_distance(maps, self.distance).to(hand.device)
         if self.options.sharpen:
             targets = self.distance.sharpen(targets)
-        per_batch = max(1, MAX_BATCH // self.options.particles)
-        batches = targets.split(per_batch)
-        fitted, done = [], 0
-        for batch in batches:
-            start = self._start(hand, obj, len(batch) * self.options.particles, generator)
+        rows = targets.repeat_interleave(self.options.particles, dim=0)
+        starts = self._start(hand, obj, len(rows), generator)
+        batches = list(zip(starts.split(MAX_BATCH), rows.split(MAX_BATCH), strict=True))
+        found = []
+        for number, (start, target) in enumerate(batches):
 
-            def report(step: int, done: int = done) -> None:
+            def report(step: int, done: int = number * self.options.steps) -> None:
                 if progress is not None:
                     progress(done + step, len(batches) * self.options.steps)
 
-            repeated = batch.repeat_interleave(self.options.particles, dim=0)
-            q = self._descend(hand, obj, start, repeated, report)
-            fitted.append(self._select(hand, obj, q, repeated))
-            done += self.options.steps
-        return self._grasps(hand, obj, maps, fitted)
+            q = self._descend(hand, obj, start, target, report)
+            found.append(self._judge(hand, obj, q, target))
+        fitted = GraspBatch.joined(found)
+        return self._grasps(hand, obj, maps, fitted.select(self._best(fitted)))
 
     def _start(self, hand: HandModel, obj: ObjectModel, count: int, g: torch.Generator) -> Tensor:
         if self.options.start == "surface":
@@ -87,7 +112,12 @@ class AdamFitter(Fitter):
         return around_sphere(hand, obj, count, g, self.options.start_factor)
 
     def _descend(
-        self, hand: HandModel, obj: ObjectModel, start: Tensor, targets: Tensor, report: Any
+        self,
+        hand: HandModel,
+        obj: ObjectModel,
+        start: Tensor,
+        targets: Tensor,
+        report: Callable[[int], None],
     ) -> Tensor:
         q = start.clone().requires_grad_(True)
         steps = self.options.steps
@@ -146,36 +176,46 @@ class AdamFitter(Fitter):
         )
 
     @torch.no_grad()
-    def _select(self, hand: HandModel, obj: ObjectModel, q: Tensor, targets: Tensor) -> Any:
+    def _judge(
+        self,
+        hand: HandModel,
+        obj: ObjectModel,
+        q: Float[Tensor, "batch dof"],
+        targets: Float[Tensor, "batch object_point"],
+    ) -> GraspBatch:
+        """Final energies, with an exact search and the final weights."""
         terms = self.terms(hand, obj, q, targets)
-        total = self.total(terms, fraction=1.0).nan_to_num(nan=float("inf"))
-        keep = torch.arange(len(q), device=q.device)
-        if not self.options.all_particles:
-            best = total.reshape(-1, self.options.particles).argmin(-1)
-            keep = best + self.options.particles * torch.arange(len(best), device=q.device)
         energies = {
-            "total": total,
+            "total": self.total(terms, fraction=1.0).nan_to_num(nan=float("inf")),
             "contact": terms.contact,
             "penetration": terms.penetration,
             "limits": terms.limits,
             "self_penetration": terms.self_penetration,
             "penetration_depth_mm": 1000 * terms.depth,
         }
-        return q[keep].cpu(), {k: v[keep].cpu() for k, v in energies.items()}, terms.values[keep]
+        cpu = {name: values.cpu() for name, values in energies.items()}
+        return GraspBatch(q.cpu(), cpu, terms.values.cpu())
 
-    def _grasps(self, hand: HandModel, obj: ObjectModel, maps: ContactMap, fitted: Any) -> GraspSet:
-        q = torch.cat([f[0] for f in fitted])
-        energies = {k: torch.cat([f[1][k] for f in fitted]) for k in fitted[0][1]}
-        finite = torch.isfinite(energies["total"]) & torch.isfinite(q).all(-1)
+    def _best(self, fitted: GraspBatch) -> Int[Tensor, "kept"]:
+        """The particle of lowest energy of each map, or all of them."""
+        if self.options.all_particles:
+            return torch.arange(len(fitted.q))
+        best = fitted.energies["total"].reshape(-1, self.options.particles).argmin(-1)
+        return best + self.options.particles * torch.arange(len(best))
+
+    def _grasps(
+        self, hand: HandModel, obj: ObjectModel, maps: ContactMap, fitted: GraspBatch
+    ) -> GraspSet:
+        finite = torch.isfinite(fitted.energies["total"]) & torch.isfinite(fitted.q).all(-1)
         return GraspSet(
             hand=hand.hand.name,
             object_name=obj.name,
             joint_names=hand.joint_names,
             root_link=hand.hand.spec.root_link,
-            poses=root_pose(q),
-            joints=q[:, ROOT_DIM:],
-            energies=energies,
+            poses=root_pose(fitted.q),
+            joints=fitted.q[:, ROOT_DIM:],
+            energies=fitted.energies,
             status=tuple("hit_limit" if ok else "diverged" for ok in finite),
-            contact_values=torch.cat([f[2] for f in fitted]).cpu(),
+            contact_values=fitted.contact_values,
             provenance={"maps": maps.provenance, "distance": self.distance.label},
         )

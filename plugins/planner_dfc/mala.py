@@ -32,9 +32,10 @@ class Chains:
 class Mala:
     """Runs chains of one hand on one object.
 
-    Proposals are x − 2 u s g/√E[g²] + ``noise`` s N(0, I) with u uniform in [0, 1]; a proposal is accepted with probability min(1, exp((E − E')/T)). Step s and temperature T decay
-    geometrically (Wang et al. 2023), where the published MALA (Liu et al. 2021) ties both to the
-    energy. A chain whose proposal is not finite rejects it, so it never spreads.
+    Proposals are x − 2 u s g/√E[g²] + ``noise`` s N(0, I) with u uniform in [0, 1]; a proposal is
+    accepted with probability min(1, exp((E − E')/T)). Step s and temperature T decay geometrically
+    (Wang et al. 2023), where the published MALA (Liu et al. 2021) ties both to the energy. A chain
+    whose proposal is not finite rejects it, so it never spreads.
     """
 
     def __init__(self, energy: GraspEnergy, options: DfcOptions, generator: torch.Generator):
@@ -50,8 +51,8 @@ class Mala:
         q_scale = torch.zeros_like(q[:1])
         place_scale = torch.zeros(1, device=q.device)
         for step in range(self._options.steps):
-            q_scale = _remember(q_scale, chains.q_gradient.square().mean(0, keepdim=True), step)
-            place_scale = _remember(place_scale, chains.place_gradient.square().mean(), step)
+            q_scale = _remember(q_scale, _mean_square(chains.q_gradient), step)
+            place_scale = _remember(place_scale, _mean_square(chains.place_gradient).mean(), step)
             proposal = self._propose(chains, q_scale.sqrt(), place_scale.sqrt(), step)
             temperature = self._options.temperature * self._options.decay ** (
                 step / self._options.temperature_period
@@ -132,8 +133,15 @@ class Mala:
         return drawn.to(self._energy.hand.device)
 
 
+def _mean_square(gradient: Tensor) -> Tensor:
+    """Mean over the chains whose gradient is finite, so that a bad one spoils no other."""
+    good = torch.isfinite(gradient).reshape(len(gradient), -1).all(-1)
+    if not good.any():
+        return torch.ones_like(gradient[:1])
+    return gradient[good].square().mean(0, keepdim=True)
+
+
 def _remember(mean: Tensor, value: Tensor, step: int) -> Tensor:
-    value = value.nan_to_num()
     if step == 0:
         return value
     return GRADIENT_MEMORY * mean + (1 - GRADIENT_MEMORY) * value

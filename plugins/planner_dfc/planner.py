@@ -68,6 +68,7 @@ class DfcPlanner(Planner):
             if sum(len(q) for q, _ in found) >= count:
                 break
         provenance = {
+            "candidates": len(acceptance) * self.options.batch,
             "rejected": dict(rejected),
             "acceptance_rate": sum(acceptance) / len(acceptance),
         }

@@ -9,6 +9,7 @@ import torch
 
 from gdg.data.grasps import GraspSet
 from gdg.data.verdict import Verdict
+from gdg.energies import penetration_depth
 from gdg.errors import GdgError
 from gdg.hands.hand import Hand
 from gdg.kinds.fitter import Progress
@@ -103,11 +104,9 @@ def _shifts(protocol: Protocol) -> list[np.ndarray]:
 
 
 def _start_penetration(hand: HandModel, obj: ObjectModel, grasps: GraspSet) -> list[float]:
-    """Depth of the hand's deepest surface point inside the object per grasp, millimetres."""
+    """Penetration depth of each grasp as it starts, millimetres."""
     with torch.no_grad():
-        points = hand.surface_points(hand.q_of(grasps))
-        depth = -obj.sdf.to(points.device).distance(points).min(-1).values
-    return (depth.clamp(min=0.0) * 1000.0).tolist()
+        return (1000.0 * penetration_depth(hand, obj, hand.q_of(grasps))).tolist()
 
 
 def _verdict(

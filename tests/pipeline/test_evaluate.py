@@ -108,10 +108,10 @@ def test_an_interrupted_cell_leaves_no_result(
     assert row.n == 2
 
 
-def test_a_cell_without_grasps_counts_nothing(configs, calls, tmp_path: Path):
+def test_grasps_that_were_not_found_count_as_failures(configs, calls, tmp_path: Path):
     grid = configs(EvalJob, "object=cube_small", "planner.max_distance_m=1e-9", f"out={tmp_path}")
     (row,), _ = run_eval(grid)
-    assert (row.n, row.successes, row.interval) == (0, 0, (0.0, 1.0))
+    assert (row.n, row.successes, row.failures) == (8, 0, {"not found": 8})
     assert math.isnan(row.diversity_rad)
 
 
@@ -136,6 +136,8 @@ def test_settings_of_the_same_file_name_are_not_pooled(configs, calls, tmp_path:
     from gripper import write_gripper
 
     hands = [write_gripper(tmp_path / folder) for folder in ("a", "b")]
+    manifest = hands[1] / "hand.yaml"
+    manifest.write_text(manifest.read_text().replace("title: ", "title: other "))
     grid = configs(
         EvalJob,
         f"hand={hands[0]},{hands[1]}",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -11,9 +12,10 @@ from gripper import write_gripper
 from gdg.cli.settings import configs_from
 from gdg.data.dataset import read_shard, shards
 from gdg.errors import GdgError
+from gdg.pipeline.fingerprint import fingerprint
 from gdg.pipeline.jobs import SYNTH_DEFAULTS, SynthJob
-from gdg.pipeline.pair import Pair
-from gdg.pipeline.synth import _shard_key, run_synth
+from gdg.pipeline.synth import run_synth
+from gdg.protocols import FOLDER as PRESETS
 
 WORDS = ("object=cube_small", "n=3", "shard=4", "max_shards=3")
 
@@ -21,7 +23,7 @@ WORDS = ("object=cube_small", "n=3", "shard=4", "max_shards=3")
 def test_shards_hold_what_passed_until_there_are_enough(configs, calls, tmp_path: Path):
     (result,), folder = run_synth(configs(SynthJob, *WORDS, f"out={tmp_path}"))
     # two of four candidates pass
-    assert (result.passed, result.tested, result.planned, result.reason) == (4, 8, 8, "")
+    assert (result.passed, result.tested, result.candidates, result.reason) == (4, 8, 8, "")
     assert folder == tmp_path
     found = shards(tmp_path)
     assert len(found) == 2
@@ -49,7 +51,7 @@ def test_nothing_is_made_twice(configs, calls, tmp_path: Path):
     made = len(calls.planned)
     (again,), _ = run_synth(configs(SynthJob, *WORDS, f"out={tmp_path}"))
     assert len(calls.planned) == made
-    assert (again.passed, again.tested, again.planned) == (4, 0, 0)
+    assert (again.passed, again.tested, again.candidates) == (4, 0, 0)
     # more grasps: only what is missing is made
     (more,), _ = run_synth(configs(SynthJob, *WORDS, "n=5", f"out={tmp_path}"))
     assert len(calls.planned) == made + 1
@@ -74,8 +76,24 @@ def test_the_fitters_options_name_the_shard_where_the_planner_fits(
     for steps in (1, 2):
         words = (f"hand={hand_folder}", *WORDS, f"planner={planner}", f"fitter.steps={steps}")
         (config,) = configs_from(SynthJob, SYNTH_DEFAULTS, (), words)
-        keys.add(_shard_key(Pair.load(config), 0))
+        keys.add(fingerprint(config))
     assert len(keys) == count
+
+
+@pytest.mark.parametrize("change", ["hand.yaml", "protocol.yaml"])
+def test_editing_the_hand_or_the_protocol_changes_the_fingerprint(
+    hand_folder: Path, tmp_path: Path, change: str
+):
+    folder, protocol = tmp_path / hand_folder.name, tmp_path / "protocol.yaml"
+    shutil.copytree(hand_folder, folder)
+    protocol.write_text((PRESETS / "dro-2024.yaml").read_text())
+    words = (f"hand={folder}", *WORDS, f"protocol={protocol}")
+    (config,) = configs_from(SynthJob, SYNTH_DEFAULTS, (), words)
+    before = fingerprint(config)
+    assert fingerprint(config) == before
+    edited = folder / change if change == "hand.yaml" else protocol
+    edited.write_text(edited.read_text().replace("0.02", "0.03").replace("title:", "title: new"))
+    assert fingerprint(config) != before
 
 
 def test_a_killed_shard_leaves_no_half_file_and_is_made_again(
@@ -105,8 +123,8 @@ def test_a_killed_shard_leaves_no_half_file_and_is_made_again(
 def test_a_pair_without_grasps_is_given_up_with_a_reason(configs, calls, tmp_path: Path):
     words = (*WORDS, "planner.max_distance_m=1e-9", f"out={tmp_path}")
     (result,), _ = run_synth(configs(SynthJob, *words))
-    assert (result.passed, result.tested, result.planned) == (0, 0, 12)
-    assert "0 of 3 grasps after 3 shards of 4" in result.reason
+    assert (result.passed, result.tested, result.candidates) == (0, 0, 12)
+    assert "0 of 3 grasps after 3 shards" in result.reason
     # empty shards are remembered
     planned = len(calls.planned)
     run_synth(configs(SynthJob, *words))

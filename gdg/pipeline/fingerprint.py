@@ -1,0 +1,72 @@
+"""What made a result, as one hash: so that a finished one is found again, and never a stale one."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from gdg.cache import content_hash
+from gdg.components import config_key
+from gdg.config import RunConfig
+from gdg.folders import HANDS, OBJECTS
+from gdg.pipeline.jobs import PairJob
+from gdg.protocols import load_protocol
+
+#: Stages that every planned and tested grasp goes through.
+STAGES = ("hand_model", "planner", "simulator")
+#: Job fields that shape grasps; the others say where they go and how the work is shared.
+JOB_FIELDS = ("object_scale", "seed", "device", "refine")
+
+
+def fingerprint(config: RunConfig, *more: str | int) -> str:
+    """16 hex digits over everything that shapes the grasps of a config.
+
+    That is the content (not the names) of hand, object, protocol and files named in options, and
+    the used components with their versions and options; ``more`` is added to it.
+
+    Raises:
+        GdgError: hand, object or protocol can't be found.
+    """
+    job: PairJob = config.job
+    parts: dict[str, Any] = {
+        "hand": _content(HANDS.find(job.hand).path),
+        "object": _content(OBJECTS.find(job.object).path),
+        "protocol": load_protocol(job.protocol).model_dump(mode="json"),
+        "job": {name: getattr(job, name) for name in JOB_FIELDS},
+        "components": {key: _component(config, key) for key in used_components(config)},
+        "more": more,
+    }
+    return content_hash(json.dumps(parts, sort_keys=True))[:16]
+
+
+def used_components(config: RunConfig) -> list[str]:
+    """Config keys of the components that shape grasps, with all that these use in turn."""
+    used: list[str] = []
+    pending = list(STAGES)
+    while pending:
+        key = pending.pop()
+        if key not in used:
+            used.append(key)
+            pending += map(config_key, config.components[key].record.uses)
+    return sorted(used)
+
+
+def _component(config: RunConfig, key: str) -> dict[str, Any]:
+    choice = config.components[key]
+    files = {
+        name: _content(Path(value).expanduser())
+        for name, value in choice.options.model_dump().items()
+        if isinstance(value, str) and Path(value).expanduser().is_file()
+    }
+    origin = [choice.record.provider, choice.record.distribution, choice.record.version]
+    return {**choice.as_tree(), "origin": origin, "files": files}
+
+
+def _content(path: Path) -> str:
+    """Hash of a file, or of all files of a folder with their relative names."""
+    files = [path] if path.is_file() else sorted(p for p in path.rglob("*") if p.is_file())
+    parts: list[bytes | str] = []
+    for file in files:
+        parts += [file.name if file == path else str(file.relative_to(path)), file.read_bytes()]
+    return content_hash(*parts)
