@@ -1,4 +1,4 @@
-# make demo     plan and test eight grasps of a mug with an Allegro hand
+# make demo     plan and test eight grasps of a rubber duck with an Allegro hand
 # make test     run the tests
 # make check    linters, types, import rules and tests, as CI does
 # make bench    measure speed
@@ -12,7 +12,7 @@ BIN := $(VENV)/bin
 .PHONY: demo test check bench
 
 demo: $(STAMP)
-	$(BIN)/gdg grasp hand=allegro object=mug n=8 out=demo
+	$(BIN)/gdg grasp hand=allegro object=rubber_duck n=8 out=demo
 	@echo "Pictures and report are in $(CURDIR)/demo:"
 	@find demo -name '*.png' -o -name '*.html'
 

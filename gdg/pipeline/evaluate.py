@@ -112,9 +112,7 @@ def _cell(folder: Path, config: RunConfig) -> Path:
     return folder / "cells" / fingerprint(config, config.job.n) / "grasps.json"
 
 
-def _cells(
-    folder: Path, configs: Sequence[RunConfig]
-) -> tuple[dict[Path, RunConfig], list[str]]:
+def _cells(folder: Path, configs: Sequence[RunConfig]) -> tuple[dict[Path, RunConfig], list[str]]:
     """Result file -> config, each cell once, and the mistakes of configs that have none."""
     cells: dict[Path, RunConfig] = {}
     mistakes = []

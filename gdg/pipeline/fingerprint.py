@@ -43,12 +43,12 @@ def fingerprint(config: RunConfig, *more: str | int) -> str:
 def used_components(config: RunConfig) -> list[str]:
     """Config keys of the components that shape grasps, with all that these use in turn."""
     used: list[str] = []
-    pending = list(STAGES)
+    pending: list[str] = list(STAGES)
     while pending:
         key = pending.pop()
         if key not in used:
             used.append(key)
-            pending += map(config_key, config.components[key].record.uses)
+            pending += [config_key(kind) for kind in config.components[key].record.uses]
     return sorted(used)
 
 

@@ -12,7 +12,8 @@ from typing import TypeVar
 
 from gdg.errors import GdgError
 
-Item, Result = TypeVar("Item"), TypeVar("Result")
+Item = TypeVar("Item")
+Result = TypeVar("Result")
 
 
 def run_all(
@@ -66,4 +67,5 @@ def limit_threads(workers: int) -> None:
     cores = len(affinity(0)) if affinity else os.cpu_count() or 1
     share = max(1, cores // workers)
     torch.set_num_threads(share)
-    numba.set_num_threads(min(share, numba.config.NUMBA_NUM_THREADS))
+    # numba refuses more than it started with (NUMBA_NUM_THREADS, or the cores that it saw)
+    numba.set_num_threads(min(share, numba.get_num_threads()))
