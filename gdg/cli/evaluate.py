@@ -9,6 +9,9 @@ import click
 from gdg.cli.settings import configs_from, takes_settings
 from gdg.pipeline.jobs import DEFAULTS, EvalJob
 
+#: Characters per line of a table that is written into a file or pipe.
+FILE_WIDTH = 160
+
 
 @click.command()
 @takes_settings(EvalJob, DEFAULTS)
@@ -34,9 +37,11 @@ def evaluate(settings: tuple[str, ...], files: tuple[Path, ...]) -> None:
         rows, folder = run_eval(configs, report)
     table = Table(header_style="bold")
     for title in (*rows[0].settings, *COLUMNS):
-        table.add_column(title)
+        table.add_column(title, overflow="fold")
     for row in rows:
         table.add_row(*cells(row))
     console = Console()
+    if not console.is_terminal:  # a file or pipe has no width of its own
+        console = Console(width=FILE_WIDTH)
     console.print(table)
     console.print(f"  {folder / 'summary.md'}", markup=False, soft_wrap=True)

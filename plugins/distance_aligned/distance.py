@@ -1,4 +1,4 @@
-"""Aligned distance of GenDexGrasp (Li et al. 2022, Eq. 3 and 4; FACTS: aligned distance)."""
+"""Aligned distance of GenDexGrasp (Li et al. 2022, Eq. 3 and 4)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Euclidean distance, the ablation in the release of GenDexGrasp (FACTS: aligned distance)."""
+"""Euclidean distance, the ablation in the release of GenDexGrasp."""
 
 from __future__ import annotations
 

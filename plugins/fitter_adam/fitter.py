@@ -1,4 +1,4 @@
-"""Fits a hand to contact maps with Adam (GenDexGrasp, Section III-C; FACTS: fitting)."""
+"""Fits a hand to contact maps with Adam (GenDexGrasp, Section III-C)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Energy of a grasp with chosen contact points (GenDexGrasp, Section III-A; FACTS: synthesis)."""
+"""Energy of a grasp with chosen contact points (GenDexGrasp, Section III-A)."""
 
 from __future__ import annotations
 
