@@ -2,8 +2,8 @@
 
     python docs/figures/readme_grasps.py
 
-The grasps are those of ``gdg.grasp`` with its defaults; for each pair the picture shows the one that
-passed in most of the shifted trials, and of these the one whose object moved least.
+The grasps are those of ``gdg.grasp`` with its defaults; for each pair the picture shows the one
+that passed in most of the shifted trials, and of these the one whose object moved least.
 """
 
 from __future__ import annotations
@@ -21,7 +21,12 @@ from gdg.pipeline.pair import Pair
 from gdg.registry import get_registry
 from gdg.report.contact_sheet import contact_sheet
 
-PAIRS = (("allegro", "camera"), ("barrett", "apple"), ("allegro", "rubber_duck"), ("barrett", "mug"))
+PAIRS = (
+    ("allegro", "camera"),
+    ("barrett", "apple"),
+    ("allegro", "rubber_duck"),
+    ("barrett", "mug"),
+)
 #: A sheet of one grasp is wider than its one cell, for the header's sake; pixels.
 CELL_WIDTH = 430
 OUT = Path(__file__).parents[1] / "images" / "readme-grasps.png"
