@@ -47,8 +47,7 @@ def convex_parts(mesh: trimesh.Trimesh, how: Decomposition) -> list[trimesh.Trim
     A mesh that is no closed manifold is replaced by the zero surface of its signed distance.
 
     Greedy bisection: the part whose hull has most excess volume is cut by the axis-aligned plane
-    that leaves its two halves the least, until all parts are near enough to their hulls. On our
-    objects that is 20 to 60 times faster than CoACD and follows the surface more closely.
+    that leaves its two halves the least, until all parts are near enough to their hulls.
 
     Raises:
         GdgError: the mesh encloses nothing.
