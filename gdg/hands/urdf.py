@@ -27,6 +27,8 @@ SIZES = {
     "cylinder": (("radius", 1), ("length", 1)),
     "sphere": (("radius", 1),),
 }
+#: Attributes of an inertia: the diagonal, then what is beside it.
+INERTIA = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 #: Range in radians given to continuous joints, which have none of their own.
 CONTINUOUS_RANGE = (-math.pi, math.pi)
 
@@ -83,13 +85,33 @@ class Shape:
 
 
 @dataclass(frozen=True)
+class Inertial:
+    """Mass properties of a link.
+
+    Attributes:
+        mass: kg.
+        T_link_center: frame of the inertia, its origin at the centre of mass, metres.
+        inertia: (3, 3) about the centre of mass in that frame, kg m².
+    """
+
+    mass: float
+    T_link_center: np.ndarray
+    inertia: np.ndarray
+
+
+@dataclass(frozen=True)
 class Link:
-    """One link: its shapes and its mass in kg (0 where the URDF has no inertial)."""
+    """One link: its shapes and its mass properties (None where the URDF has no inertial)."""
 
     name: str
     collisions: tuple[Shape, ...]
     visuals: tuple[Shape, ...]
-    mass: float
+    inertial: Inertial | None
+
+    @property
+    def mass(self) -> float:
+        """kg; 0 where the URDF says none."""
+        return self.inertial.mass if self.inertial is not None else 0.0
 
 
 @dataclass(frozen=True)
@@ -167,15 +189,25 @@ def _parse(path: Path, data: bytes) -> Element:
 def _link(element: Element, mistakes: list[str]) -> Link:
     name = _name(element, mistakes)
     where = f"link '{name}'"
-    (mass,) = _numbers(element.find("inertial/mass"), "value", (0.0,), where, mistakes)
-    if mass < 0:
-        mistakes.append(f"{where}: mass {mass:g} is negative.")
     return Link(
         name,
         tuple(_shape(e, f"{where}: collision", mistakes) for e in element.findall("collision")),
         tuple(_shape(e, f"{where}: visual", mistakes) for e in element.findall("visual")),
-        mass,
+        _inertial(element.find("inertial"), where, mistakes),
     )
+
+
+def _inertial(element: Element | None, where: str, mistakes: list[str]) -> Inertial | None:
+    if element is None:
+        return None
+    (mass,) = _numbers(element.find("mass"), "value", (0.0,), where, mistakes)
+    if mass < 0:
+        mistakes.append(f"{where}: mass {mass:g} is negative.")
+    inertia, given = np.zeros((3, 3)), element.find("inertia")
+    for (row, column), name in zip(((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)), INERTIA):
+        (value,) = _numbers(given, name, (0.0,), where, mistakes)
+        inertia[row, column] = inertia[column, row] = value
+    return Inertial(mass, _origin(element, where, mistakes), inertia)
 
 
 def _shape(element: Element, where: str, mistakes: list[str]) -> Shape:
