@@ -20,7 +20,7 @@ from gdg.validation import validated
 #: Grasps whose maps are computed at once; bounds the memory.
 BATCH = 64
 #: In a distance's label: an option that differs from the preset's.
-CHANGED_OPTION = re.compile(r"-([a-z_]+)([0-9][0-9.e+-]*)")
+CHANGED_OPTION = re.compile(r"-([a-z_]+)([0-9.]+(?:e[+-]?[0-9]+)?)")
 
 
 @torch.no_grad()

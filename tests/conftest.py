@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 from pathlib import Path
 
 # as the command line does; before torch is imported
@@ -29,6 +30,8 @@ install_import_hook(
     "beartype.beartype",
 )  # fmt: skip
 
+from environments import build, link_other_packages  # noqa: E402
+from environments import no_network as no_network_variables  # noqa: E402
 from gripper import write_gripper  # noqa: E402
 from real_hands import assemble, have_assets  # noqa: E402
 
@@ -55,6 +58,29 @@ def real_hands(pytestconfig: pytest.Config) -> Path:
         pytest.skip("no asset folder (GDG_TEST_ASSETS)")
     assert pytestconfig.cache is not None
     return assemble(pytestconfig.cache.mkdir("real-hands"))
+
+
+@pytest.fixture(scope="session")
+def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A copy of the work tree, which builds would litter."""
+    folder = tmp_path_factory.mktemp("copy") / "gdg"
+    ignored = ("build", "dist", "*.egg-info", "__pycache__", ".*", "demo", "runs")
+    root = Path(__file__).resolve().parents[1]
+    shutil.copytree(root, folder, ignore=shutil.ignore_patterns(*ignored))
+    return folder
+
+
+@pytest.fixture(scope="session")
+def wheel(copy: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """gdg's wheel, alone in its folder."""
+    return build(copy, tmp_path_factory.mktemp("wheel"), "wheel")
+
+
+@pytest.fixture(scope="session")
+def no_network(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """Variables with which a fresh environment finds gdg's wheel and all that gdg needs."""
+    others = link_other_packages(tmp_path_factory.mktemp("others") / "site-packages")
+    return no_network_variables(wheel.parent, others)
 
 
 @pytest.fixture(scope="session")

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import os
+import subprocess
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from gripper import write_gripper
 
 from gdg.errors import GdgError
-from gdg.folders import HANDS, OBJECTS, FolderKind
+from gdg.folders import HANDS, OBJECTS, TIERS, FolderKind
 
 KIND = FolderKind("gadget", "gadget.yaml", "GDG_TEST_GADGETS", "gdg_test.gadgets", (".stl",))
 
@@ -234,3 +237,104 @@ def test_a_urdf_in_place_of_a_hand_folder_is_told_where_to_put_it(tmp_path: Path
     (tmp_path / "my.urdf").touch()
     with pytest.raises(GdgError, match=r"beside a hand\.yaml"):
         HANDS.find(str(tmp_path / "my.urdf"))
+
+
+# -- all tiers of hands, from the shell --------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Tiers:
+    """A hand of one name in every tier, and a shell that sees some of them."""
+
+    folder: Path
+    #: Tier -> folder of the hand; in the bundled tier it is gdg's own.
+    hands: dict[str, Path]
+
+    def run(self, *command: str, tiers: tuple[str, ...], path: str = "") -> Outcome:
+        """Runs ``gdg`` in ``folder``, where only the given tiers have the hand."""
+        variables = {
+            "GDG_HANDS_PATH": path or (str(self.folder / "env") if "environment" in tiers else ""),
+            "XDG_DATA_HOME": str(self.folder / "data") if "user" in tiers else "/nowhere",
+            "PYTHONPATH": str(self.folder / "site") if "package" in tiers else "",
+            "COLUMNS": "2000",
+        }
+        finished = subprocess.run(
+            [sys.executable, "-c", "from gdg.cli import main; main()", *command],
+            cwd=self.folder, env={**os.environ, **variables}, capture_output=True, text=True,
+            check=False,
+        )  # fmt: skip
+        return Outcome(finished.returncode, finished.stdout, finished.stderr)
+
+    def line(self, tiers: tuple[str, ...]) -> str:
+        """The hand's line in ``gdg hands list``."""
+        lines = self.run("hands", "list", tiers=tiers).out.splitlines()
+        return next(line for line in lines if line.startswith("barrett "))
+
+
+@dataclass(frozen=True)
+class Outcome:
+    code: int
+    out: str
+    err: str
+
+
+def stand_in(directory: Path, tier: str) -> Path:
+    """The two jaws under the name of a bundled hand."""
+    made = write_gripper(directory).rename(directory / "barrett")
+    manifest = made / "hand.yaml"
+    text = manifest.read_text().replace("name: two_jaws", "name: barrett")
+    manifest.write_text(text.replace("title: Two parallel jaws", f"title: that of {tier}"))
+    return made
+
+
+@pytest.fixture(scope="module")
+def tiers(tmp_path_factory: pytest.TempPathFactory) -> Tiers:
+    folder = tmp_path_factory.mktemp("tiers")
+    package = folder / "site" / "acme_hands"
+    info = folder / "site" / "acme_hands-1.0.dist-info"
+    info.mkdir(parents=True)
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: acme-hands\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[gdg.hands]\nacme = acme_hands\n")
+    hands = {
+        "path": stand_in(folder / "mine", "path"),
+        "environment": stand_in(folder / "env", "environment"),
+        "user": stand_in(folder / "data" / "gdg" / "hands", "user"),
+        "package": stand_in(package, "package"),
+        "bundled": HANDS.find("barrett").path,
+    }
+    return Tiers(folder, hands)
+
+
+@pytest.mark.parametrize("nearest", range(len(TIERS)), ids=TIERS)
+def test_gdg_hands_list_shows_the_nearest_hand_and_what_it_hides(tiers: Tiers, nearest: int):
+    line = tiers.line(TIERS[nearest:])
+    assert f" {TIERS[nearest]} " in line
+    title = "Barrett" if TIERS[nearest] == "bundled" else f"that of {TIERS[nearest]}"
+    assert title in line
+    for tier in TIERS[nearest + 1 :]:
+        assert str(tiers.hands[tier]) in line.partition("hides")[2]
+    assert ("hides" in line) == (nearest + 1 < len(TIERS))
+    assert "TWICE" not in line
+
+
+def test_a_path_comes_before_every_tier(tiers: Tiers):
+    shown = tiers.run("hands", "show", "./mine/barrett", tiers=TIERS)
+    assert "that of path" in shown.out
+
+
+def test_two_hands_of_one_name_in_one_tier_are_refused_when_that_name_is_used(
+    tiers: Tiers, tmp_path: Path
+):
+    other, first = stand_in(tmp_path, "another folder"), tiers.hands["environment"]
+    both = f"{first.parent}{os.pathsep}{tmp_path}"
+    listed = tiers.run("hands", "list", tiers=(), path=both)
+    assert listed.code == 0
+    assert f"TWICE: also {other}" in listed.out
+    refused = tiers.run("grasp", "hand=barrett", "object=mug", tiers=(), path=both)
+    assert refused.code == 2
+    assert "hand 'barrett' stands twice in the tier 'environment'" in refused.err
+    assert str(first) in refused.err
+    assert str(other) in refused.err
+    assert "Traceback" not in refused.err
+    by_path = tiers.run("hands", "show", str(other), tiers=(), path=both)
+    assert "that of another folder" in by_path.out

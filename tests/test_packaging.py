@@ -2,45 +2,18 @@
 
 from __future__ import annotations
 
-import os
-import shutil
-import subprocess
 import sys
-import sysconfig
 import tarfile
 import zipfile
 from pathlib import Path
 
 import pytest
+from environments import Environment, build, run
 from gripper import write_gripper
 
 ROOT = Path(__file__).resolve().parents[1]
 #: Data folders: folder in the repository -> package in the wheel, and the file that marks one.
 DATA = {"hands": ("gdg_hands", "hand.yaml"), "objects": ("gdg_objects", "object.yaml")}
-
-
-def run(*command: str, cwd: Path, **environment: str) -> str:
-    finished = subprocess.run(
-        command, cwd=cwd, capture_output=True, text=True, check=False,
-        env={**os.environ, **environment},
-    )  # fmt: skip
-    assert finished.returncode == 0, finished.stdout + finished.stderr
-    return finished.stdout
-
-
-def build(source: Path, out: Path, kind: str) -> Path:
-    run(sys.executable, "-m", "build", "--no-isolation", f"--{kind}", "-o", str(out), cwd=source)
-    (built,) = out.iterdir()
-    return built
-
-
-@pytest.fixture(scope="session")
-def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A copy of the work tree, which builds would litter."""
-    folder = tmp_path_factory.mktemp("copy") / "gdg"
-    ignored = ("build", "dist", "*.egg-info", "__pycache__", ".*", "demo", "runs")
-    shutil.copytree(ROOT, folder, ignore=shutil.ignore_patterns(*ignored))
-    return folder
 
 
 @pytest.fixture(scope="session")
@@ -49,23 +22,13 @@ def source_archive(copy: Path, tmp_path_factory: pytest.TempPathFactory) -> Path
 
 
 @pytest.fixture(scope="session")
-def wheel(copy: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return build(copy, tmp_path_factory.mktemp("wheel"), "wheel")
-
-
-@pytest.fixture(scope="session")
-def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The ``gdg`` command of an environment with the wheel, and this one's other packages."""
-    folder = tmp_path_factory.mktemp("venv")
-    run(sys.executable, "-m", "venv", "--without-pip", str(folder), cwd=folder)
-    paths = {"base": str(folder), "platbase": str(folder)}
-    site = Path(sysconfig.get_path("purelib", "venv", vars=paths))
-    command = (sys.executable, "-m", "pip", "--python", str(folder / "bin" / "python"), "install")
-    run(*command, "--quiet", "--no-deps", "--no-index", str(wheel), cwd=folder)
-    # a line in a .pth file adds a directory after the environment's own, without obeying the .pth
-    # files in it, so an editable gdg there stays out
-    (site / "others.pth").write_text(sysconfig.get_path("purelib") + "\n")
-    return folder / "bin" / "gdg"
+def installed(
+    wheel: Path, no_network: dict[str, str], tmp_path_factory: pytest.TempPathFactory
+) -> Environment:
+    """An environment into which the wheel was installed."""
+    environment = Environment.create(tmp_path_factory.mktemp("venv") / "venv", no_network)
+    environment.run("pip", "install", "--quiet", str(wheel), cwd=wheel.parent)
+    return environment
 
 
 def names_in(wheel: Path) -> set[str]:
@@ -111,20 +74,22 @@ def test_the_source_archive_builds_the_same_wheel(
     assert names_in(again) == names_in(wheel)
 
 
-def test_the_installed_wheel_lists_its_plugins_hands_and_objects_from_anywhere(installed: Path):
+def test_the_installed_wheel_lists_its_plugins_hands_and_objects_from_anywhere(
+    installed: Environment,
+):
     root = Path("/")
-    plugins = run(str(installed), "plugins", cwd=root, GDG_STRICT_PLUGINS="1")
+    plugins = installed.run("gdg", "plugins", cwd=root, GDG_STRICT_PLUGINS="1")
     assert "FAILED" not in plugins
     assert "pytorch-kinematics" in plugins
-    assert "barrett" in run(str(installed), "hands", "list", cwd=root)
-    assert "cube_small" in run(str(installed), "objects", "list", cwd=root)
-    where = run(str(installed.parent / "python"), "-c", "import gdg; print(gdg.__file__)", cwd=root)
-    assert Path(where.strip()).is_relative_to(installed.parents[1])
+    assert "barrett" in installed.run("gdg", "hands", "list", cwd=root)
+    assert "cube_small" in installed.run("gdg", "objects", "list", cwd=root)
+    where = installed.run("python", "-c", "import gdg; print(gdg.__file__)", cwd=root)
+    assert Path(where.strip()).is_relative_to(installed.folder)
 
 
-def test_the_installed_wheel_plans_a_grasp_from_anywhere(installed: Path, tmp_path: Path):
-    run(
-        str(installed), "grasp", "hand=barrett", "object=cube_small", "n=1", "fitter.steps=5",
+def test_the_installed_wheel_plans_a_grasp_from_anywhere(installed: Environment, tmp_path: Path):
+    installed.run(
+        "gdg", "grasp", "hand=barrett", "object=cube_small", "n=1", "fitter.steps=5",
         "fitter.particles=2", "simulate=false", f"out={tmp_path / 'out'}", cwd=Path("/"),
     )  # fmt: skip
     assert list((tmp_path / "out").rglob("grasps.json"))

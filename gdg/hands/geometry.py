@@ -13,7 +13,7 @@ import numpy as np
 import trimesh
 
 from gdg.cache import cached_arrays, content_hash
-from gdg.errors import GdgError
+from gdg.errors import GdgError, raise_if_any
 from gdg.geometry.convex import Decomposition, convex_parts
 from gdg.geometry.mesh import farthest_points, inside_convex, load_mesh, sample_surface
 from gdg.hands.urdf import Shape, Urdf
@@ -84,13 +84,18 @@ def link_parts(urdf: Urdf, folder: Path, role: str) -> tuple[ConvexPart, ...]:
     """Convex parts of every link, from its ``collision`` or ``visual`` shapes.
 
     Raises:
-        GdgError: a mesh that is missing, unreadable, implausibly large or outside the folder; or
-            no shape of that role in the whole URDF.
+        GdgError: meshes that are missing, unreadable, implausibly large or outside the folder, all
+            at once; or no shape of that role in the whole URDF.
     """
     parts: list[ConvexPart] = []
+    mistakes: list[str] = []
     for link in urdf.links.values():
         for shape in link.collisions if role == "collision" else link.visuals:
-            parts += _parts_of(urdf, folder, link.name, shape)
+            try:
+                parts += _parts_of(urdf, folder, link.name, shape)
+            except GdgError as error:
+                mistakes.append(str(error))
+    raise_if_any(list(dict.fromkeys(mistakes)))
     if not parts:
         raise GdgError(f"{urdf.path}: no link has {role} shapes (see 'geometry' in hand.yaml).")
     return tuple(parts)

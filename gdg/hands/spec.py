@@ -13,6 +13,8 @@ from gdg.validation import PathInside, validated
 from gdg.yaml_files import read_yaml_mapping
 
 MANIFEST = "hand.yaml"
+#: What a hand's name looks like.
+NAME = r"[a-z0-9][a-z0-9_-]*"
 #: A contact region smaller than this, m², has no direction (that of a fingertip has 10 mm²).
 MIN_REGION_AREA = 1e-8
 
@@ -123,7 +125,7 @@ class HandSpec(_Section):
         provenance: sources and licence.
     """
 
-    name: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_-]*$")]
+    name: Annotated[str, Field(pattern=f"^{NAME}$")]
     title: str = ""
     urdf: PathInside
     geometry: Literal["collision", "visual"] = "collision"

@@ -52,6 +52,7 @@ class Joint:
         lower: lower limit, rad or m; NaN for fixed joints.
         upper: upper limit, rad or m.
         effort: N m or N; 0 where the URDF says none.
+        velocity: rad/s or m/s; 0 where the URDF says none.
     """
 
     name: str
@@ -63,6 +64,7 @@ class Joint:
     lower: float
     upper: float
     effort: float
+    velocity: float
     mimic: Mimic | None
 
 
@@ -139,7 +141,13 @@ def read_urdf(path: Path) -> Urdf:
             unsupported joint types, limits that are missing, not finite or inverted, mimic joints
             that follow nothing.
     """
-    robot = _parse(path, _read_bytes(path))
+    robot = read_xml(path)
+    check_robot(path, robot)
+    return build_urdf(path, robot)
+
+
+def build_urdf(path: Path, robot: Element) -> Urdf:
+    """The tree that a ``<robot>`` element describes; see ``read_urdf``."""
     mistakes: list[str] = []
     link_list = [_link(element, mistakes) for element in robot.findall("link")]
     joint_list = [_joint(element, mistakes) for element in robot.findall("joint")]
@@ -152,24 +160,30 @@ def read_urdf(path: Path) -> Urdf:
     return Urdf(path, robot.get("name") or path.stem, links, ordered, root)
 
 
-def _read_bytes(path: Path) -> bytes:
+def read_xml(path: Path) -> Element:
+    """The outermost element of an XML file that is a plausible robot description.
+
+    Raises:
+        GdgError: unreadable, too large, malformed, or with entities or a document type.
+    """
     try:
         if path.stat().st_size > MAX_URDF_BYTES:
             raise GdgError(f"{path}: larger than {MAX_URDF_BYTES // 10**6} MB, no plausible URDF.")
-        return path.read_bytes()
+        data = path.read_bytes()
     except OSError as error:
         raise GdgError(f"{path}: cannot be read: {error.strerror or error}") from error
-
-
-def _parse(path: Path, data: bytes) -> Element:
     try:
-        root = defusedxml.ElementTree.fromstring(data, forbid_dtd=True)
+        return defusedxml.ElementTree.fromstring(data, forbid_dtd=True)
     except defusedxml.DefusedXmlException as error:
         raise GdgError(
             f"{path}: the XML declares entities or a document type, which gdg refuses."
         ) from error
     except (defusedxml.ElementTree.ParseError, ValueError, LookupError) as error:
         raise GdgError(f"{path}: is no well-formed XML: {error}.") from error
+
+
+def check_robot(path: Path, root: Element) -> None:
+    """Raises a ``GdgError`` unless an XML document is a URDF of plausible size."""
     if root.tag != "robot":
         raise GdgError(f"{path}: is no URDF: the outermost element is <{root.tag}>, not <robot>.")
     counts = Counter(element.tag for element in root.iter())
@@ -180,7 +194,6 @@ def _parse(path: Path, data: bytes) -> Element:
     for tag, most in MAX_ELEMENTS.items():
         if counts[tag] > most:
             raise GdgError(f"{path}: {counts[tag]} <{tag}> elements, no plausible hand.")
-    return root
 
 
 # -- elements: each reader appends its complaints and goes on ---------------------------------
@@ -259,6 +272,7 @@ def _joint(element: Element, mistakes: list[str]) -> Joint:
         lower=lower,
         upper=upper,
         effort=effort,
+        velocity=_velocity(element.find("limit"), kind),
         mimic=_mimic(element, kind, where, mistakes),
     )
 
@@ -291,6 +305,17 @@ def _limits(
     if lower > upper:
         mistakes.append(f"{where}: lower limit {lower:g} is above the upper limit {upper:g}.")
     return lower, upper, effort
+
+
+def _velocity(limit: Element | None, kind: str) -> float:
+    """Never an error: nothing depends on it, and exporters write "inf" or nothing."""
+    if kind not in MOVING_TYPES or limit is None:
+        return 0.0
+    try:
+        value = abs(float(limit.get("velocity", "0")))
+    except ValueError:
+        return 0.0
+    return value if math.isfinite(value) else 0.0
 
 
 def _name(element: Element, mistakes: list[str]) -> str:

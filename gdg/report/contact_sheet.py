@@ -6,7 +6,7 @@ import math
 from contextlib import closing
 from pathlib import Path
 
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image, ImageDraw
 
 from gdg.data.atomic import atomic_path
 from gdg.data.grasps import GraspSet
@@ -15,16 +15,13 @@ from gdg.objects.model import ObjectModel
 from gdg.report.palette import FAIL, PASS, UNKNOWN, contact_colors, unit_rgb
 from gdg.report.render import SceneRenderer
 from gdg.report.scene import Scene, build_scene
+from gdg.report.sheet import CARD, FAINT, GAP_PX, INK, LINE, PAPER, Box, font, write
 from gdg.report.table import millimetres, moved, summary_line
 
 #: Triangles in pictures: a millimetre each on an object of 10 cm.
 MAX_OBJECT_FACES, MAX_HAND_FACES = 40_000, 40_000
 #: Sizes in pixels; a cell is two views above each other with the title on top.
-HEADER_PX, TITLE_PX, GAP_PX, CORNER_PX, EMPTY_PX = 58, 52, 14, 8, 160
-PAPER, CARD, LINE = (246, 247, 249), (255, 255, 255), (226, 229, 234)
-INK, FAINT = (31, 35, 40), (101, 109, 118)
-
-Box = tuple[int, int]
+HEADER_PX, TITLE_PX, CORNER_PX, EMPTY_PX = 58, 52, 8, 160
 
 
 def contact_sheet(
@@ -100,8 +97,8 @@ def _draw_header(sheet: Image.Image, grasps: GraspSet) -> None:
     draw, room = ImageDraw.Draw(sheet), sheet.width - 2 * GAP_PX
     has_scale = grasps.contact_values is not None and sheet.width >= 1000
     room -= 250 if has_scale else 0
-    _write(draw, (GAP_PX + 2, 8), f"{grasps.hand} · {grasps.object_name}", 19, INK, room)
-    _write(draw, (GAP_PX + 2, 33), summary_line(grasps), 14, FAINT, room)
+    write(draw, (GAP_PX + 2, 8), f"{grasps.hand} · {grasps.object_name}", 19, INK, room)
+    write(draw, (GAP_PX + 2, 33), summary_line(grasps), 14, FAINT, room)
     if has_scale:
         _draw_scale(sheet, draw)
 
@@ -112,9 +109,9 @@ def _draw_scale(sheet: Image.Image, draw: ImageDraw.ImageDraw) -> None:
         color = tuple(int(c) for c in contact_colors(x / (width - 1)))
         draw.line((left + x, top, left + x, top + 11), fill=color)
     draw.rectangle((left - 1, top - 1, left + width, top + 12), outline=LINE)
-    _write(draw, (left, top + 16), "no contact", 12, FAINT, 80)
+    write(draw, (left, top + 16), "no contact", 12, FAINT, 80)
     text = "contact"
-    _write(draw, (left + width - _font(12).getlength(text), top + 16), text, 12, FAINT, 80)
+    write(draw, (left + width - font(12).getlength(text), top + 16), text, 12, FAINT, 80)
 
 
 def _draw_empty(sheet: Image.Image) -> None:
@@ -122,20 +119,20 @@ def _draw_empty(sheet: Image.Image) -> None:
     frame = (GAP_PX, HEADER_PX, sheet.width - GAP_PX - 1, sheet.height - GAP_PX - 1)
     draw.rounded_rectangle(frame, radius=CORNER_PX, fill=CARD, outline=LINE)
     middle = ((frame[0] + frame[2]) / 2, (frame[1] + frame[3]) / 2)
-    draw.text(middle, "no grasp found", font=_font(22), fill=FAINT, anchor="mm")
+    draw.text(middle, "no grasp found", font=font(22), fill=FAINT, anchor="mm")
 
 
 def _draw_title(draw: ImageDraw.ImageDraw, grasps: GraspSet, index: int, width: int) -> None:
     chip, color, protocol, details = _title(grasps, index)
     left, top, right = 12, 9, width - 12
     number = f"#{index}"
-    _write(draw, (left, top), number, 16, INK, right - left)
-    start = left + _font(16).getlength(number) + 8
-    end = start + _font(13).getlength(chip) + 14
+    write(draw, (left, top), number, 16, INK, right - left)
+    start = left + font(16).getlength(number) + 8
+    end = start + font(13).getlength(chip) + 14
     draw.rounded_rectangle((start, top, end, top + 19), radius=9, fill=color)
-    draw.text(((start + end) / 2, top + 9.5), chip, font=_font(13), fill=CARD, anchor="mm")
-    _write(draw, (end + 8, top + 2), protocol, 13, FAINT, right - end - 8)
-    _write(draw, (left, top + 23), details, 13, FAINT, right - left)
+    draw.text(((start + end) / 2, top + 9.5), chip, font=font(13), fill=CARD, anchor="mm")
+    write(draw, (end + 8, top + 2), protocol, 13, FAINT, right - end - 8)
+    write(draw, (left, top + 23), details, 13, FAINT, right - left)
 
 
 def _title(grasps: GraspSet, index: int) -> tuple[str, tuple[int, int, int], str, str]:
@@ -149,24 +146,3 @@ def _title(grasps: GraspSet, index: int) -> tuple[str, tuple[int, int, int], str
     if verdict.success:
         return "PASS", PASS, verdict.protocol, details
     return f"FAIL: {verdict.failure}", FAIL, verdict.protocol, details
-
-
-def _write(
-    draw: ImageDraw.ImageDraw,
-    place: tuple[float, float],
-    text: str,
-    size: int,
-    color: tuple[int, int, int],
-    room: float,
-) -> None:
-    """One line of text, cut with an ellipsis where it is wider than ``room`` pixels."""
-    line, font = " ".join(text.split()), _font(size)
-    if font.getlength(line) > room:
-        while line and font.getlength(line + "…") > room:
-            line = line[:-1]
-        line += "…"
-    draw.text(place, line, font=font, fill=color)
-
-
-def _font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
-    return ImageFont.load_default(size)

@@ -8,6 +8,7 @@ import html
 import json
 import math
 import re
+from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -28,7 +29,7 @@ from gdg.report.table import summary_line
 MAX_OBJECT_FACES, MAX_HAND_FACES = 8_000, 24_000
 #: Name of each array type in the payload, read by ``viewer_draw.js``; all little-endian.
 ARRAY_TYPES = {"<f4": "f32", "<i2": "i16", "|i1": "i8", "|u1": "u8", "<u2": "u16", "<u4": "u32"}
-SCRIPTS = ("viewer_draw.js", "viewer_page.js")
+GRASPS_PAGE = ("viewer_draw.js", "viewer_page.js", "viewer_grasps.js")
 #: The view of the object when there is no grasp.
 PLAIN_EYES = np.array([[0.8, 0.35, 0.49], [-0.35, 0.8, 0.49]])
 
@@ -58,7 +59,7 @@ def html_report(
         GdgError: the grasps belong to another hand, or their contact maps to another object.
     """
     payload = report_payload(hand, obj, grasps, config_text, title)
-    write_text_atomically(path, render_page(payload))
+    write_text_atomically(path, render_page(payload, GRASPS_PAGE))
 
 
 def report_payload(
@@ -76,20 +77,20 @@ def report_payload(
         "contact_scale": [list(color) for color in CONTACT_SCALE],
         "colors": {"hand": HAND, "object": OBJECT_PLAIN, "touching": TOUCHING},
         "floor": float(vertices[:, 2].min()),
-        "view": _view(PLAIN_EYES, vertices),
+        "view": view_of(PLAIN_EYES, vertices),
         "joints": _joints(hand),
-        "object_mesh": _packed_mesh(scene.object_mesh),
-        "link_meshes": [_packed_mesh(mesh) for mesh in scene.link_meshes.values()],
+        "object_mesh": packed_mesh(scene.object_mesh),
+        "link_meshes": [packed_mesh(mesh) for mesh in scene.link_meshes.values()],
         "grasps": [_grasp(scene, grasps, index) for index in range(len(grasps))],
         "config_text": config_text,
         "provenance_text": _pretty(grasps.provenance) if grasps.provenance else "",
     }
 
 
-def render_page(payload: dict[str, Any]) -> str:
-    """The page of a payload. Nothing in the payload can end its script element."""
+def render_page(payload: dict[str, Any], scripts: Sequence[str]) -> str:
+    """The page that scripts make of a payload, which can't end its script element."""
     files = resources.files("gdg.report")
-    script = "".join(files.joinpath(name).read_text(encoding="utf-8") for name in SCRIPTS)
+    script = "".join(files.joinpath(name).read_text(encoding="utf-8") for name in scripts)
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     parts = {
         "title": html.escape(payload["title"]),
@@ -115,8 +116,11 @@ def packed(values: np.ndarray) -> dict[str, str]:
     return {"type": ARRAY_TYPES[data.dtype.newbyteorder("<").str], "data": encoded}
 
 
-def _packed_mesh(mesh: PictureMesh) -> dict[str, Any]:
-    """Positions as 16-bit shares of ``spread`` around ``origin`` (2 µm steps), 8-bit normals."""
+def packed_mesh(mesh: PictureMesh) -> dict[str, Any]:
+    """A mesh for the viewer.
+
+    Positions are 16-bit shares of ``spread`` around ``origin`` (2 µm steps), normals 8-bit.
+    """
     low, high = mesh.vertices.min(0), mesh.vertices.max(0)
     origin, spread = (low + high) / 2, max(float((high - low).max()) / 2, 1e-6)
     positions = np.rint((mesh.vertices - origin) / spread * 32767).astype(np.int16)
@@ -146,11 +150,12 @@ def _grasp(scene: Scene, grasps: GraspSet, index: int) -> dict[str, Any]:
         if values is None
         else packed(np.rint(values * 255).astype(np.uint8)),
         "touching": packed(scene.touching[index].astype(np.float32)),
-        "view": _view(scene.eyes[index], scene.frames[index]),
+        "view": view_of(scene.eyes[index], scene.frames[index]),
     }
 
 
-def _view(eyes: np.ndarray, shown: np.ndarray) -> dict[str, Any]:
+def view_of(eyes: np.ndarray, shown: np.ndarray) -> dict[str, Any]:
+    """Directions to look from, (n, 3), with the sphere around the points to be shown."""
     center = (shown.min(0) + shown.max(0)) / 2
     return {
         "eyes": [[float(value) for value in eye] for eye in eyes],

@@ -120,6 +120,25 @@ def hand_meshes(hand: Hand, max_faces: int) -> dict[int, PictureMesh]:
     return {index: _picture_mesh(mesh, share) for index, mesh in meshes.items()}
 
 
+def part_meshes(hand: Hand) -> dict[int, PictureMesh]:
+    """Link index -> its convex parts in the link's frame: the shapes that gdg computes with."""
+    meshes = {}
+    for index, link in enumerate(hand.link_names):
+        parts = [part.mesh for part in hand.parts if part.link == link]
+        if parts:
+            meshes[index] = picture_mesh(parts)
+    return meshes
+
+
+def picture_mesh(meshes: list[trimesh.Trimesh]) -> PictureMesh:
+    """All triangles of some meshes, with normals for drawing."""
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    return _with_normals(
+        np.concatenate([mesh.vertices for mesh in meshes]),
+        np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts)]),
+    )
+
+
 def _link_mesh(hand: Hand, link: Link) -> trimesh.Trimesh | None:
     try:
         meshes = [_shape_mesh(hand, link.name, shape) for shape in link.visuals]

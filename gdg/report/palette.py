@@ -18,6 +18,13 @@ OBJECT_PLAIN = (214, 213, 210)
 HAND = (146, 173, 203)
 #: Dots where the hand touches, on top of the contact scale.
 TOUCHING = (20, 110, 160)
+#: Contact regions by finger, apart from each other for colour-blind eyes too; the palm's own; the
+#: arrow along the palm's normal; the x, y and z axis of a frame.
+CHAINS = (
+    (0, 150, 110), (222, 120, 10), (120, 70, 160), (0, 105, 180), (200, 60, 110), (130, 120, 20),
+)  # fmt: skip
+PALM_REGIONS, PALM_ARROW = (190, 160, 60), (40, 44, 52)
+AXES = ((205, 50, 45), (50, 150, 60), (45, 90, 205))
 PASS, FAIL, UNKNOWN = (26, 127, 80), (196, 52, 45), (110, 118, 129)
 
 

@@ -41,6 +41,10 @@ class Drawn:
         """Moves the mesh; (4, 4), metres."""
         self.actor.user_matrix = T_world_mesh.astype(np.float64)
 
+    def show(self, visible: bool) -> None:
+        """Shows or hides the mesh."""
+        self.actor.visibility = visible
+
     def paint(self, rgb: np.ndarray) -> None:
         """Colours the vertices; (vertex, 3) uint8 sRGB."""
         self.surface.point_data["rgb"] = rgb

@@ -1,10 +1,14 @@
-// The 3-D view of the report: WebGL 2 without libraries. Everything it shows comes from #payload.
-// viewer_page.js follows in the same script element and adds what surrounds the view.
+// The 3-D view of a report: WebGL 2 without libraries. Everything it shows comes from #payload.
+// viewer_page.js follows in the same script element, then the scripts of one page, which set poses,
+// and call startViewer.
 "use strict";
 
 const data = JSON.parse(document.getElementById("payload").textContent);
 const byId = (id) => document.getElementById(id);
-const state = { grasp: 0, shown: { hand: true, object: true, map: true, points: true, grid: true }, moved: false };
+const state = {
+  chosen: 0, mapped: false, moved: false,
+  shown: { hand: true, object: true, map: true, points: true, grid: true, region: true, palm: true, root: true },
+};
 const camera = { azimuth: 0.6, elevation: 0.4, distance: 0.6, target: [0, 0, 0] };
 
 // -- payload ------------------------------------------------------------------------------------
@@ -183,30 +187,22 @@ function setUp() {
     grid: program(GRID_VERTEX, GRID_FRAGMENT),
   };
   scene = {
-    object: upload(data.object_mesh),
-    links: data.link_meshes.map(upload),
-    dots: pointLayout(new Float32Array(3)),
+    object: data.object_mesh && upload(data.object_mesh),
+    links: data.link_meshes.map((mesh) => ({ ...upload(mesh), color: mesh.color ?? data.colors.hand, role: mesh.role ?? "hand" })),
+    dots: pointLayout(new Float32Array(0)),
     grid: pointLayout(new Float32Array([-1, -1, 0, 1, -1, 0, -1, 1, 0, 1, 1, 0])),
   };
   gl.enable(gl.DEPTH_TEST);
-  loadGrasp();
 }
 
 const IDENTITY = new Float32Array([1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]);
+// one matrix per entry of data.link_meshes, or null: no hand
 let poses = null;
 
-function loadGrasp() {
-  const grasp = data.grasps[state.grasp];
-  if (!gl || !grasp) return;
-  poses = array(grasp.link_poses);
-  if (grasp.contact_values) {
-    gl.bindBuffer(gl.ARRAY_BUFFER, scene.object.values);
-    gl.bufferSubData(gl.ARRAY_BUFFER, 0, array(grasp.contact_values));
-  }
-  const dots = array(grasp.touching);
+function showDots(values) {
   gl.bindBuffer(gl.ARRAY_BUFFER, scene.dots.points);
-  gl.bufferData(gl.ARRAY_BUFFER, dots, gl.DYNAMIC_DRAW);
-  scene.dots.count = dots.length / 3;
+  gl.bufferData(gl.ARRAY_BUFFER, values, gl.DYNAMIC_DRAW);
+  scene.dots.count = values.length / 3;
 }
 
 function drawMesh(mesh, model, color, shine, mapped) {
@@ -255,11 +251,12 @@ function draw() {
   const view = viewMatrix(), project = projection(width / height), shown = state.shown;
   begin(programs.mesh, view, project);
   gl.uniform3fv(programs.mesh.slot("scale"), data.contact_scale.flatMap(unit));
-  const grasp = data.grasps[state.grasp];
-  if (shown.object) drawMesh(scene.object, IDENTITY, unit(data.colors.object), 0.03, Boolean(shown.map && grasp && grasp.contact_values));
-  if (shown.hand && grasp)
-    scene.links.forEach((mesh, i) => drawMesh(mesh, poses.subarray(16 * i, 16 * i + 16), unit(data.colors.hand), 0.16, false));
-  if (shown.points && grasp && scene.dots.count) {
+  if (shown.object && scene.object) drawMesh(scene.object, IDENTITY, unit(data.colors.object), 0.03, shown.map && state.mapped);
+  if (poses)
+    scene.links.forEach((mesh, i) => {
+      if (shown[mesh.role]) drawMesh(mesh, poses.subarray(16 * i, 16 * i + 16), unit(mesh.color), 0.16, false);
+    });
+  if (shown.points && scene.dots.count) {
     begin(programs.dot, view, project);
     gl.uniform1f(programs.dot.slot("size"), Math.max(6, Math.min(14, 6.5 / camera.distance)) * ratio);
     gl.uniform3fv(programs.dot.slot("color"), unit(data.colors.touching));

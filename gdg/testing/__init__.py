@@ -10,7 +10,10 @@ Put two lines into your tests, and every rule that gdg relies on is checked::
     def test_my_distance():
         assert_component("distance", "my-distance", scale=2.0)
 
-``check_hand`` and ``check_component`` give the problems as a list instead of raising.
+``check_hand`` and ``check_component`` give the problems as a list instead of raising;
+``inspect_hand`` also gives what is merely doubtful. pytest does it without a line of code::
+
+    pytest --gdg-hand hands/acme --gdg-component distance/my-distance
 """
 
 from __future__ import annotations
@@ -21,8 +24,11 @@ from pathlib import Path
 from typing import Any
 
 from gdg.errors import raise_if_any
+from gdg.testing.findings import Finding, errors_in
 
-__all__ = ["assert_component", "assert_hand", "check_component", "check_hand"]
+__all__ = [
+    "Finding", "assert_component", "assert_hand", "check_component", "check_hand", "inspect_hand",
+]  # fmt: skip
 
 #: A component that another one uses: its name, or ``{"name": ..., option: value, ...}``.
 Use = str | Mapping[str, Any]
@@ -30,20 +36,25 @@ Use = str | Mapping[str, Any]
 # The checks import torch and trimesh, so they are imported where they are needed.
 
 
-def check_hand(folder: str | os.PathLike[str]) -> list[str]:
-    """Every problem of a hand folder, one sentence each; empty when the hand is good.
+def inspect_hand(folder: str | os.PathLike[str]) -> list[Finding]:
+    """Every error and every warning on a hand folder, errors first; each names file and field.
 
-    Beyond what ``gdg.hands.hand.load_hand`` refuses: kinematics in random postures, limits,
-    postures, palm, contact regions, surface points, self-collision, provenance.
+    Beyond what ``gdg.hands.hand.load_hand`` refuses: names, limits, kinematics, drives, postures
+    and self-collision in them, palm, contact regions, surface, masses, provenance.
     """
-    from gdg.testing.hand import hand_problems
+    from gdg.testing.hand import inspect
 
-    return hand_problems(Path(folder))
+    return inspect(Path(folder)).findings
+
+
+def check_hand(folder: str | os.PathLike[str]) -> list[str]:
+    """Every error of a hand folder, one sentence each; empty when the hand can be used."""
+    return [str(finding) for finding in errors_in(inspect_hand(folder))]
 
 
 def assert_hand(folder: str | os.PathLike[str]) -> None:
-    """Raises ``gdg.errors.GdgErrors`` with every problem of a hand folder."""
-    raise_if_any([f"{folder}: {text}" for text in check_hand(folder)])
+    """Raises ``gdg.errors.GdgErrors`` with every error of a hand folder."""
+    raise_if_any(check_hand(folder))
 
 
 def check_component(

@@ -11,26 +11,43 @@ from torch import Tensor
 from gdg.errors import GdgError
 
 Subject = TypeVar("Subject")
-#: Gives one sentence per problem of a subject.
-Check = Callable[[Subject], Iterable[str]]
+Found = TypeVar("Found")
+#: Gives one sentence or finding per problem of a subject.
+Check = Callable[[Subject], Iterable[Found]]
 
 
-def run_checks(checks: Iterable[Check[Subject]], subject: Subject) -> list[str]:
-    """All problems that the checks find, each after the name of its check.
+def run_checks(checks: Iterable[Check[Subject, str]], subject: Subject) -> list[str]:
+    """All problems that the checks find, each after the name of its check."""
+    found = [text for check in checks for text in run_check(check, subject)]
+    return list(dict.fromkeys(found))  # the same mistake may stop several checks
 
-    A check that raises is a problem by itself, and the others still run.
-    """
-    problems = []
-    for check in checks:
-        name = getattr(check, "__name__", "check").replace("_", " ")
-        try:
-            problems += [f"{name}: {text}" for text in check(subject)]
-        except GdgError as error:  # the same mistake may stop several checks
-            problems.append(str(error))
-        except Exception as error:  # what is tested is foreign code and may raise anything
-            text = " ".join(str(error).split())[:500]
-            problems.append(f"{name}: raised {type(error).__name__}: {text}")
-    return list(dict.fromkeys(problems))
+
+def run_check(check: Check[Subject, str], subject: Subject) -> list[str]:
+    """The problems that one check finds, each after its name."""
+
+    def named(subject: Subject) -> Iterable[str]:
+        return (f"{check_name(check)}: {text}" for text in check(subject))
+
+    named.__name__ = check_name(check)
+    return attempt(named, subject, str)
+
+
+def attempt(
+    check: Check[Subject, Found], subject: Subject, raised: Callable[[str], Found]
+) -> list[Found]:
+    """What a check finds; if it raises, one finding that ``raised`` makes of the reason."""
+    try:
+        return list(check(subject))
+    except GdgError as error:
+        return [raised(str(error))]
+    except Exception as error:  # what is tested is foreign code and may raise anything
+        text = " ".join(str(error).split())[:500]
+        return [raised(f"{check_name(check)}: raised {type(error).__name__}: {text}")]
+
+
+def check_name(check: Check[Subject, Found]) -> str:
+    """A check's name as words."""
+    return getattr(check, "__name__", "check").replace("_", " ")
 
 
 def differ(a: Tensor, b: Tensor, tolerance: float) -> bool:

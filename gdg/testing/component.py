@@ -10,17 +10,19 @@ from gdg.errors import GdgError, GdgErrors
 from gdg.pipeline.jobs import DEFAULTS
 from gdg.registry import get_registry
 from gdg.testing import Use, distance, fitter, generator, hand_model, planner, simulator
+from gdg.testing.checks import Check, run_checks
 from gdg.testing.fixtures import StandInGenerator
 from gdg.validation import validated
 
-#: Kind -> its checks, given the built component (for a hand model: the class and its options).
-PROBLEMS_OF: dict[str, Callable[[Any], list[str]]] = {
-    "distance": distance.distance_problems,
-    "generator": generator.generator_problems,
-    "fitter": fitter.fitter_problems,
-    "hand-model": hand_model.hand_model_problems,
-    "simulator": simulator.simulator_problems,
-    "planner": planner.planner_problems,
+#: Kind -> what its checks are given, made from a built component (for a hand model: from its class
+#: and options), and the checks.
+KITS: dict[str, tuple[Callable[[Any], Any], tuple[Check[Any, str], ...]]] = {
+    "distance": (distance.DistanceCase, distance.CHECKS),
+    "generator": (generator.GeneratorCase, generator.CHECKS),
+    "fitter": (fitter.FitterCase, fitter.CHECKS),
+    "hand-model": (hand_model.HandModelCase, hand_model.CHECKS),
+    "simulator": (simulator.SimulatorCase, simulator.CHECKS),
+    "planner": (planner.PlannerCase, planner.CHECKS),
 }
 
 
@@ -29,17 +31,31 @@ def component_problems(
 ) -> list[str]:
     """See ``gdg.testing.check_component``; a component that can't be built is a problem, too."""
     try:
-        record = get_registry().find(kind, name)
-        if kind == "hand-model":
-            return PROBLEMS_OF[kind](hand_model.Maker(record.load(), _options(record, options)))
-        component = _Parts(uses).build(record, options)
+        case = component_case(kind, name, uses, options)
     except GdgErrors as errors:
         return list(errors.messages)
     except GdgError as error:
         return [str(error)]
     except Exception as error:  # what is tested is foreign code and may raise anything
         return [f"cannot be created: {type(error).__name__}: {error}"]
-    return PROBLEMS_OF[kind](component)
+    return run_checks(KITS[kind][1], case)
+
+
+def component_case(
+    kind: str, name: str, uses: Mapping[str, Use], options: Mapping[str, Any]
+) -> Any:
+    """What the checks of a kind are given: the component, built, with all that it is tried on.
+
+    Raises:
+        GdgError: unknown kind or name, wrong options, or a missing package; building foreign code
+            may raise anything else, too.
+    """
+    record = get_registry().find(kind, name)
+    if kind == "hand-model":
+        made: Any = hand_model.Maker(record.load(), _options(record, options))
+    else:
+        made = _Parts(uses).build(record, options)
+    return KITS[kind][0](made)
 
 
 def _options(record: Component, given: Mapping[str, Any]) -> Any:

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from gdg.kinds.distance import Distance, HandDistance
 from gdg.rotations import random_rotations
-from gdg.testing.checks import differ, run_checks, seeded
+from gdg.testing.checks import differ, seeded
 from gdg.testing.fixtures import small_cube
 
 #: Clouds are small: every pair is also computed by itself.
@@ -64,11 +64,6 @@ class DistanceCase:
     def tolerance(self) -> float:
         """How far two computations of the same distance may be apart."""
         return TOLERANCE * float(self.found.distance.max())
-
-
-def distance_problems(distance: Distance) -> list[str]:
-    """Every breach of the interface ``gdg.kinds.distance.Distance``."""
-    return run_checks(CHECKS, DistanceCase(distance))
 
 
 def result(case: DistanceCase) -> Iterator[str]:

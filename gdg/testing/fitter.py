@@ -12,7 +12,7 @@ from gdg.errors import GdgError
 from gdg.kinds.fitter import Fitter, Progress
 from gdg.kinds.hand_model import HandModel
 from gdg.objects.model import ObjectModel
-from gdg.testing.checks import run_checks, seeded
+from gdg.testing.checks import seeded
 from gdg.testing.fixtures import StandInGenerator, model_of, small_cube, two_jaws
 from gdg.testing.grasps import grasp_set_problems, progress_problems, repeat_problems
 
@@ -44,11 +44,6 @@ class FitterCase:
     def fit(self, maps: ContactMap, progress: Progress | None = None) -> GraspSet:
         """Fits from a fixed seed."""
         return self.fitter.fit(self.hand, self.obj, maps, seeded(), progress)
-
-
-def fitter_problems(fitter: Fitter) -> list[str]:
-    """Every breach of the interface ``gdg.kinds.fitter.Fitter``."""
-    return run_checks(CHECKS, FitterCase(fitter))
 
 
 def grasps(case: FitterCase) -> Iterator[str]:

@@ -15,7 +15,7 @@ from gdg.kinds.generator import Generator
 from gdg.objects.model import ObjectModel
 from gdg.pipeline.jobs import DEFAULTS
 from gdg.registry import get_registry
-from gdg.testing.checks import differ, run_checks, seeded
+from gdg.testing.checks import differ, seeded
 from gdg.testing.fixtures import small_cube
 
 COUNT = 3
@@ -35,11 +35,6 @@ class GeneratorCase:
     def draw(self, count: int, seed: int) -> ContactMap:
         """Maps drawn from a fixed seed."""
         return self.generator.generate(self.obj, count, seeded(seed))
-
-
-def generator_problems(generator: Generator) -> list[str]:
-    """Every breach of the interface ``gdg.kinds.generator.Generator``."""
-    return run_checks(CHECKS, GeneratorCase(generator))
 
 
 def maps(case: GeneratorCase) -> Iterator[str]:

@@ -14,7 +14,7 @@ from gdg.components import Options
 from gdg.hands.hand import Hand, find_hand
 from gdg.kinds.hand_model import HandModel
 from gdg.rotations import ROOT_DIM, random_rotations
-from gdg.testing.checks import differ, not_rigid, run_checks, seeded
+from gdg.testing.checks import differ, not_rigid, seeded
 from gdg.testing.fixtures import two_jaws
 from gdg.testing.gripper import OPEN_M
 
@@ -56,11 +56,6 @@ class HandModelCase:
     def models(self) -> tuple[HandModel, ...]:
         """Both hands' models."""
         return self.jaws, self.maker.of(find_hand(BUNDLED))
-
-
-def hand_model_problems(maker: Maker) -> list[str]:
-    """Every breach of the interface ``gdg.kinds.hand_model.HandModel``."""
-    return run_checks(CHECKS, HandModelCase(maker))
 
 
 def _joints(model: HandModel, count: int = BATCH) -> Tensor:

@@ -11,7 +11,7 @@ from gdg.kinds.fitter import Progress
 from gdg.kinds.hand_model import HandModel
 from gdg.kinds.planner import Planner
 from gdg.objects.model import ObjectModel
-from gdg.testing.checks import run_checks, seeded
+from gdg.testing.checks import seeded
 from gdg.testing.fixtures import model_of, small_cube, two_jaws
 from gdg.testing.grasps import grasp_set_problems, progress_problems, repeat_problems
 
@@ -37,11 +37,6 @@ class PlannerCase:
     def plan(self, count: int, progress: Progress | None = None) -> GraspSet:
         """Plans from a fixed seed."""
         return self.planner.plan(self.hand, self.obj, count, seeded(), progress)
-
-
-def planner_problems(planner: Planner) -> list[str]:
-    """Every breach of the interface ``gdg.kinds.planner.Planner``."""
-    return run_checks(CHECKS, PlannerCase(planner))
 
 
 def grasps(case: PlannerCase) -> Iterator[str]:

@@ -12,7 +12,6 @@ from gdg.kinds.hand_model import HandModel
 from gdg.kinds.simulator import Simulator
 from gdg.objects.model import ObjectModel
 from gdg.protocols import Protocol
-from gdg.testing.checks import run_checks
 from gdg.testing.fixtures import jaw_grasps, model_of, quick_protocol, small_cube, two_jaws
 
 #: A hand that is shifted so far holds nothing, metres.
@@ -51,11 +50,6 @@ class SimulatorCase:
     def run(self, grasps: GraspSet, protocol: Protocol) -> tuple[Verdict, ...]:
         """Verdicts of grasps of the cube."""
         return self.simulator.simulate(self.hand, self.obj, grasps, protocol)
-
-
-def simulator_problems(simulator: Simulator) -> list[str]:
-    """Every breach of the interface ``gdg.kinds.simulator.Simulator``."""
-    return run_checks(CHECKS, SimulatorCase(simulator))
 
 
 def verdicts(case: SimulatorCase) -> Iterator[str]:

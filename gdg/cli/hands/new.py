@@ -1,0 +1,99 @@
+"""``gdg hands new``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from gdg.hands.create import NewHand
+    from gdg.testing.findings import Finding
+
+#: Surface points on which balls are gripped.
+SURFACE_POINTS = 1000
+
+
+@click.command("new")
+@click.argument("source", type=click.Path(path_type=Path))
+@click.argument("name", required=False)
+@click.option("--root", metavar="LINK", help="Where the hand begins, if the file holds more.")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    help="The folder to make; default: ./NAME.",
+)
+@click.option(
+    "--packages",
+    type=click.Path(path_type=Path, file_okay=False),
+    multiple=True,
+    help="Where to look for the ROS packages that package:// paths name; may be repeated.",
+)
+def new_hand(
+    source: Path, name: str | None, root: str | None, out: Path | None, packages: tuple[Path, ...]
+) -> None:
+    """Make a hand folder from SOURCE, a bare URDF or MJCF file.
+
+    Finds palm, fingers, closing directions, postures, contact regions, self-contacts and drives
+    from kinematics and shapes, and writes them with how sure it is into hand.yaml, report.html and
+    picture.png. Correct hand.yaml where needed, then run gdg hands check.
+    """
+    from gdg.hands.create import create_hand, name_from
+    from gdg.testing.fixtures import model_of
+    from gdg.testing.hand import inspect
+
+    chosen = name or name_from(source)
+    folder = out or Path(chosen)
+    made = create_hand(
+        source,
+        folder,
+        chosen,
+        lambda hand: model_of(hand, SURFACE_POINTS),
+        root=root,
+        package_paths=packages,
+        say=lambda text: click.echo(f"{text} …", err=True),
+    )
+    findings = inspect(folder).findings
+    _draw(made, folder, findings)
+    _print_decisions(made)
+    for repair in made.intake.repairs:
+        click.echo(f"changed: {repair}")
+    for finding in findings:
+        click.echo(f"{finding.severity}: {finding}")
+    click.echo(f"{folder}: hand.yaml, {made.intake.urdf.name}, report.html, picture.png")
+    click.echo(f"Next: look at the report, then gdg grasp hand={_as_path(folder)} object=apple")
+
+
+def _draw(made: NewHand, folder: Path, findings: list[Finding]) -> None:
+    from gdg.report.hand_report import hand_report
+    from gdg.report.hand_sheet import hand_sheet
+    from gdg.testing.fixtures import model_of
+
+    model = model_of(made.hand)
+    hand_sheet(model, folder / "picture.png")
+    hand_report(
+        model, folder / "report.html", made.proposal.decisions, made.intake.repairs, findings
+    )
+
+
+def _print_decisions(made: NewHand) -> None:
+    from rich.box import SIMPLE
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=SIMPLE, pad_edge=False, header_style="bold")
+    for title in ("decided", "value", "how sure", "why"):
+        table.add_column(title, overflow="fold")
+    for decision in made.proposal.decisions:
+        sure = f"{decision.verdict} ({decision.confidence:.0%})"
+        # Text, not str: rich would read [brackets] in names as markup
+        cells = (decision.subject, decision.value, sure, decision.reason)
+        table.add_row(*(Text(cell) for cell in cells))
+    Console().print(table)
+
+
+def _as_path(folder: Path) -> str:
+    """How the folder is given to other commands: with a separator, so that it is no name."""
+    return str(folder) if len(folder.parts) > 1 else f"./{folder}"

@@ -1,0 +1,126 @@
+"""Makes a hand folder from a bare URDF or MJCF file."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from gdg.errors import GdgError
+from gdg.hands.hand import Hand, load_hand
+from gdg.hands.intake import Intake, take_in
+from gdg.hands.manifest_text import manifest_text
+from gdg.hands.propose import Proposal, propose
+from gdg.hands.spec import MANIFEST, NAME
+from gdg.kinds.hand_model import HandModel
+
+
+@dataclass(frozen=True)
+class NewHand:
+    """A hand folder that was just made.
+
+    Attributes:
+        hand: the hand, loaded from its folder.
+        intake: what became of the description, repairs included.
+        proposal: what was decided, and how sure it is.
+    """
+
+    hand: Hand
+    intake: Intake
+    proposal: Proposal
+
+
+def create_hand(
+    source: Path,
+    folder: Path,
+    name: str,
+    build: Callable[[Hand], HandModel],
+    *,
+    root: str | None = None,
+    package_paths: Sequence[Path] = (),
+    say: Callable[[str], None] = lambda text: None,
+) -> NewHand:
+    """Writes ``folder`` with manifest, URDF, meshes and README.
+
+    The folder appears when it is complete; on a failure nothing is left behind.
+
+    Args:
+        source: URDF or MJCF file, untrusted.
+        folder: must not exist, or be empty.
+        name: of the hand; see ``name_from``.
+        build: makes a hand's model.
+        root: keep only this link and what hangs on it.
+        package_paths: where ROS packages lie whose meshes the file names.
+        say: called with what is being done.
+
+    Raises:
+        GdgError: the folder is taken, or the description can't be read or understood.
+    """
+    if not re.fullmatch(NAME, name):
+        raise GdgError(
+            f"hand name '{name}': write lower-case letters, digits, - and _, e.g. "
+            f"'{name_from(Path(name))}'."
+        )
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise GdgError(
+            f"{folder}: exists already, and gdg overwrites no hand. Remove it, or choose another "
+            f"place with --out."
+        )
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=f".{name}-", dir=folder.parent) as partial:
+            work = Path(partial) / name
+            say(f"reading {source}")
+            intake = take_in(source, work, name, root, package_paths)
+            say("gripping balls with it")
+            proposal = propose(work, name, intake, build)
+            (work / MANIFEST).write_text(
+                manifest_text(proposal.spec, proposal.decisions), encoding="utf-8"
+            )
+            (work / "README.md").write_text(_readme(source, intake, proposal), encoding="utf-8")
+            load_hand(work)
+            if folder.exists():
+                folder.rmdir()
+            shutil.move(work, folder)
+    except OSError as error:
+        raise GdgError(f"{folder}: cannot be written: {error.strerror or error}.") from error
+    return NewHand(load_hand(folder), intake, proposal)
+
+
+def name_from(path: Path) -> str:
+    """A hand's name made from that of its file: lower case, letters, digits, - and _.
+
+    Raises:
+        GdgError: nothing is left of it.
+    """
+    name = re.sub(r"[^a-z0-9_-]+", "_", path.name.partition(".")[0].lower()).strip("_-")
+    if not name:
+        raise GdgError(f"{path}: gives no name for the hand; write one after the file.")
+    return name
+
+
+def _readme(source: Path, intake: Intake, proposal: Proposal) -> str:
+    spec, structure = proposal.spec, proposal.structure
+    lines = [
+        f"# {spec.title or spec.name}",
+        "",
+        f"Made by `gdg hands new` from `{source.name}`. {intake.source}",
+        f"Licence: {spec.provenance.licence}.",
+        "",
+        f"Palm: `{structure.palm}`. Wrist joints: {_names(structure.wrist)}.",
+        "",
+        "| finger | joints | last link |",
+        "| --- | --- | --- |",
+    ]
+    for number, finger in enumerate(structure.fingers, start=1):
+        lines.append(f"| {number} | {_names(finger.joints)} | {_names(finger.distal)} |")
+    lines += ["", "Changed in the description:", ""]
+    lines += [f"- {repair}" for repair in intake.repairs] or ["- nothing"]
+    return "\n".join(lines) + "\n"
+
+
+def _names(names: Sequence[str]) -> str:
+    return ", ".join(f"`{name}`" for name in names) or "none"

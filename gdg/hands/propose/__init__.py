@@ -1,0 +1,212 @@
+"""Proposes a manifest for a hand of which only the kinematics and the shapes are known.
+
+``structure`` reads palm and fingers from the tree; ``probe`` lets the hand grip balls; from the
+grips ``closing`` takes the joints' signs, ``palm`` the palm's normal, ``postures`` the open and
+closed hand; ``pads`` and ``regions`` draw contact regions on the inner sides; ``drives`` gives
+gains and force limits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from gdg.errors import GdgError
+from gdg.hands.decisions import Decision
+from gdg.hands.geometry import link_parts
+from gdg.hands.hand import Hand
+from gdg.hands.intake import Intake
+from gdg.hands.propose.closing import Closing, find_closing, inward_of
+from gdg.hands.propose.drives import drive_of
+from gdg.hands.propose.pads import find_regions
+from gdg.hands.propose.palm import PalmFace, find_palm
+from gdg.hands.propose.postures import Postures, find_postures
+from gdg.hands.propose.probe import Grips, Prober
+from gdg.hands.propose.regions import Corners
+from gdg.hands.propose.structure import Structure, find_structure
+from gdg.hands.spec import Drive, Drives, HandSpec, Palm, Provenance
+from gdg.hands.urdf import MOVING_TYPES, Urdf, read_urdf
+from gdg.kinds.hand_model import HandModel
+
+#: Mean energy of the grips from which on a hand holds no ball.
+NO_GRIP = 6.0
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """A manifest with what stands behind it.
+
+    Attributes:
+        spec: the manifest.
+        structure: palm, fingers, wrist.
+        closings: per actuated joint, which way it closes.
+        decisions: what was chosen, how sure it is, and why.
+    """
+
+    spec: HandSpec
+    structure: Structure
+    closings: tuple[Closing, ...]
+    decisions: tuple[Decision, ...]
+
+
+def propose(
+    folder: Path, name: str, intake: Intake, build: Callable[[Hand], HandModel], seed: int = 0
+) -> Proposal:
+    """Everything of ``hand.yaml``, from geometry and kinematics alone.
+
+    Args:
+        folder: the new hand's folder, which holds the URDF already.
+        name: of the hand.
+        intake: what the foreign description said.
+        build: makes a hand's model.
+        seed: of the search for grips; the same seed gives the same manifest.
+
+    Raises:
+        GdgError: nothing moves, or the hand can't hold anything between its links.
+    """
+    urdf = read_urdf(intake.urdf)
+    parts = link_parts(urdf, folder, intake.geometry)
+    structure = find_structure(urdf, parts)
+    draft = HandSpec(
+        name=name,
+        urdf=intake.urdf.name,
+        geometry=intake.geometry,
+        root_link=urdf.root,
+        palm=Palm(link=structure.palm, normal=(0, 0, 1), center=(0, 0, 0)),
+        joints=_actuated(urdf, intake),
+        contact_regions={},
+        provenance=Provenance(source=intake.source, licence=intake.licence or "unknown"),
+    )
+    model = build(Hand(folder, draft, urdf, parts, content_hash=""))
+    prober, grips, closings = _probe(model, structure, torch.Generator().manual_seed(seed))
+    face = find_palm(prober, grips)
+    postures = find_postures(model, grips, closings)
+    regions = find_regions(model, structure, closings, face.normal, postures.open, postures.closed)
+    drives, stated = _drives(model, intake)
+    spec = draft.model_copy(
+        update={
+            "palm": Palm(link=structure.palm, normal=_row(face.normal), center=_row(face.center)),
+            "open": _by_joint(draft.joints, postures.open),
+            "closed": _by_joint(draft.joints, postures.closed),
+            "contact_regions": regions,
+            "allowed_self_contacts": [*sorted({*postures.touching, *intake.excluded})],
+            "drives": drives,
+        }
+    )
+    decisions = _decisions(structure, closings, grips, face, postures, regions, stated, spec)
+    return Proposal(spec, structure, closings, decisions)
+
+
+def _actuated(urdf: Urdf, intake: Intake) -> tuple[str, ...]:
+    """Moving joints that follow no other one, parents first; only driven ones, if that is said."""
+    free = [j.name for j in urdf.joints.values() if j.type in MOVING_TYPES and j.mimic is None]
+    driven = [name for name in free if intake.actuated is None or name in intake.actuated]
+    return tuple(driven or free)
+
+
+def _probe(
+    model: HandModel, structure: Structure, generator: torch.Generator
+) -> tuple[Prober, Grips, tuple[Closing, ...]]:
+    """Grips twice: first with either side of the fingers, then with the sides found."""
+    free = torch.tensor([name not in structure.wrist for name in model.joint_names])
+    rest = torch.zeros(len(model.joint_names)).clamp(model.lower, model.upper)
+    prober = Prober(model, structure, free, rest)
+    first = find_closing(prober, prober.search(generator))
+    prober = Prober(model, structure, free, rest, inward_of(prober, first))
+    grips = prober.search(generator)
+    if float(grips.energy.min()) > NO_GRIP:
+        raise GdgError(
+            f"{model.hand.urdf.path}: the links of this description can't hold a ball between "
+            f"them. If it has more than a hand, name the hand's first link with --root."
+        )
+    return prober, grips, find_closing(prober, grips)
+
+
+def _drives(model: HandModel, intake: Intake) -> tuple[Drives, dict[str, bool]]:
+    """Drives as the description states them, else from efforts; the commonest is the default."""
+    found: dict[str, Drive] = {}
+    stated: dict[str, bool] = {}
+    for name in model.joint_names:
+        estimate, known = drive_of(model, model.hand.urdf.joints[name])
+        found[name] = intake.drives.get(name, estimate)
+        stated[name] = known or name in intake.drives
+    common = max(found.values(), key=lambda drive: list(found.values()).count(drive))
+    return Drives(default=common, joints={n: d for n, d in found.items() if d != common}), stated
+
+
+def _row(vector: np.ndarray) -> tuple[float, float, float]:
+    x, y, z = (round(float(value), 5) + 0.0 for value in vector)
+    return x, y, z
+
+
+def _by_joint(joints: tuple[str, ...], values: np.ndarray) -> dict[str, float]:
+    return {name: round(float(value), 4) + 0.0 for name, value in zip(joints, values)}
+
+
+def _decisions(
+    structure: Structure,
+    closings: tuple[Closing, ...],
+    grips: Grips,
+    face: PalmFace,
+    postures: Postures,
+    regions: dict[str, list[Corners]],
+    stated: dict[str, bool],
+    spec: HandSpec,
+) -> tuple[Decision, ...]:
+    held = float(np.clip(1.1 - 0.3 * float(grips.energy.mean()), 0.1, 0.99))
+    tips = {link for finger in structure.fingers for link in finger.distal}
+    with_region = [f for f in structure.fingers if any(link in regions for link in f.distal)]
+    decisions = [
+        Decision(
+            "palm.link", structure.palm, 0.95,
+            f"{len(structure.fingers)} fingers branch from it",
+        ),
+        Decision("palm.normal", _listed(face.normal), face.certainty, face.reason),
+        Decision(
+            "palm.center", _listed(face.center), face.certainty,
+            "the palm's surface under the balls that it holds",
+        ),
+    ]  # fmt: skip
+    for closing in closings:
+        side = {1: "closes with larger values", -1: "closes with smaller values", 0: "rests"}
+        why = f"moves what it touches with a cosine of {closing.straightness:+.2f} into the balls"
+        if closing.joint in structure.wrist:
+            why = "lies between the root and the palm"
+        elif closing.sign == 0:
+            why = "does not press the fingers into the balls"
+        sure = closing.certainty if closing.sign else 0.7
+        value = f"{spec.open[closing.joint]:g} to {spec.closed[closing.joint]:g}"
+        decisions.append(
+            Decision(f"joint {closing.joint}", f"{side[closing.sign]}: {value}", sure, why)
+        )
+    stop = postures.stopped_by
+    until = f"'{stop[0]}' meets '{stop[1]}'" if stop else "the joints are near their limits"
+    decisions += [
+        Decision("closed", f"{len(spec.closed)} joints", held, f"closes until {until}"),
+        Decision(
+            "contact_regions", f"{sum(map(len, regions.values()))} on {len(regions)} links",
+            0.95 if len(with_region) == len(structure.fingers) else 0.4,
+            f"{len(with_region)} of {len(structure.fingers)} fingers have one on their last link"
+            + ("" if tips & set(regions) else "; draw them by hand"),
+        ),
+        Decision(
+            "allowed_self_contacts", f"{len(spec.allowed_self_contacts)} pairs", 0.9,
+            "they overlap in the open posture or in most others",
+        ),
+        Decision(
+            "drives", f"at most {spec.drives.default.force_limit:g} for most joints",
+            0.9 if all(stated.values()) else 0.5,
+            "efforts of the description" if all(stated.values())
+            else "estimates: the description states no plausible effort for "
+            + ", ".join(name for name, known in stated.items() if not known)[:200],
+        ),
+    ]  # fmt: skip
+    return tuple(decisions)
+
+
+def _listed(vector: np.ndarray) -> str:
+    return "[" + ", ".join(f"{value:g}" for value in _row(vector)) + "]"

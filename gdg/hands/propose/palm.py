@@ -1,0 +1,148 @@
+"""Where the palm faces and where its centre is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gdg.hands.geometry import ConvexPart
+from gdg.hands.propose.probe import Grips, Prober
+
+#: Within this angle a normal is taken to be an axis of the palm's or the root's frame, degrees.
+SNAP_DEG = 10.0
+
+
+@dataclass(frozen=True)
+class PalmFace:
+    """The palm in its link's frame.
+
+    Attributes:
+        normal: outward unit vector.
+        center: a point on the surface, metres.
+        certainty: from 0 to 1.
+        reason: one sentence for people.
+    """
+
+    normal: np.ndarray
+    center: np.ndarray
+    certainty: float
+    reason: str
+
+
+def find_palm(prober: Prober, grips: Grips) -> PalmFace:
+    """The side of the palm that balls rest on while all fingers hold them.
+
+    The normal is halfway between the palm's own where the balls touch it and the direction to the
+    balls' centres, or the axis of a frame next to it.
+    """
+    weights = grips.weights().numpy().astype(np.float64)
+    centers = grips.centers.numpy().astype(np.float64)
+    points, normals = _palm_surface(prober)
+    if len(points) == 0:
+        return _without_shapes(prober, centers, weights)
+    resting = grips.on_palm.numpy()
+    weights, centers = weights[resting], centers[resting]
+    nearest = _nearest(centers, points)
+    felt = _unit((weights[:, None] * normals[nearest]).sum(0))
+    seen = _unit((weights[:, None] * _units(centers - points[nearest])).sum(0))
+    normal = _snapped(_unit(felt + seen), _frame_axes(prober))
+    spread = max(_angle(normal, felt), _angle(normal, seen))
+    center = _surface_under(prober, np.average(centers, axis=0, weights=weights), normal)
+    certainty = float(np.clip(1.0 - spread / 60.0, 0.2, 0.99))
+    reason = (
+        f"balls that all fingers hold rest on this side of '{prober.structure.palm}'; its surface "
+        f"there and the directions to {resting.sum()} balls agree within {spread:.0f} degrees"
+    )
+    return PalmFace(normal, center, certainty, reason)
+
+
+def _without_shapes(prober: Prober, centers: np.ndarray, weights: np.ndarray) -> PalmFace:
+    """A palm that is only a frame: it faces the balls, seen from where the fingers start."""
+    placed = prober.place(prober.rest[None])
+    bases = placed.Ts_palm_link[0, prober.first_links, :3, 3].numpy().astype(np.float64)
+    middle = bases.mean(0)
+    normal = _unit((weights[:, None] * _units(centers - middle)).sum(0))
+    reason = f"'{prober.structure.palm}' has no shapes; the balls lie on this side of the fingers"
+    return PalmFace(_snapped(normal, _frame_axes(prober)), middle, 0.5, reason)
+
+
+def _palm_surface(prober: Prober) -> tuple[np.ndarray, np.ndarray]:
+    placed = prober.place(prober.rest[None])
+    points, normals = placed.points[0, prober.palm], placed.normals[0, prober.palm]
+    return points.numpy().astype(np.float64), normals.numpy().astype(np.float64)
+
+
+def _nearest(centers: np.ndarray, points: np.ndarray) -> np.ndarray:
+    return np.linalg.norm(centers[:, None] - points, axis=-1).argmin(1)
+
+
+def _frame_axes(prober: Prober) -> np.ndarray:
+    """Axes of the palm link's and of the root's frame, both ways, in the palm link's frame."""
+    root = prober.hand.link_names.index(prober.hand.hand.urdf.root)
+    rotation = prober.place(prober.rest[None]).Ts_palm_link[0, root, :3, :3].numpy()
+    axes = np.concatenate([np.eye(3), rotation.T.astype(np.float64)])
+    return np.concatenate([axes, -axes])
+
+
+def _snapped(normal: np.ndarray, axes: np.ndarray) -> np.ndarray:
+    best = axes[(axes @ normal).argmax()]
+    return best if _angle(best, normal) < SNAP_DEG else normal
+
+
+def _surface_under(prober: Prober, above: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """The outermost point of the palm's surface on the line through a point along the normal.
+
+    Where the line misses the palm, the surface point nearest to the line, put onto it.
+    """
+    heights = []
+    for part, T_palm_link in _palm_parts(prober):
+        rotation, shift = T_palm_link[:3, :3], T_palm_link[:3, 3]
+        planes = part.mesh.face_normals @ rotation.T
+        offsets = np.einsum("ij,ij->i", planes, part.mesh.triangles[:, 0] @ rotation.T + shift)
+        height = _highest_in(planes, offsets, above, normal)
+        if height is not None:
+            heights.append(height)
+    if heights:
+        return above + max(heights) * normal
+    points, normals = _palm_surface(prober)
+    front = points[normals @ normal > 0.5] if (normals @ normal > 0.5).any() else points
+    offset = front - above
+    aside = np.linalg.norm(offset - np.outer(offset @ normal, normal), axis=-1)
+    return front[aside.argmin()]
+
+
+def _palm_parts(prober: Prober) -> list[tuple[ConvexPart, np.ndarray]]:
+    Ts = prober.place(prober.rest[None]).Ts_palm_link[0].numpy().astype(np.float64)
+    hand = prober.hand
+    return [
+        (part, Ts[hand.link_names.index(part.link)])
+        for part in hand.hand.parts
+        if part.link in prober.structure.palm_body
+    ]
+
+
+def _highest_in(
+    planes: np.ndarray, offsets: np.ndarray, start: np.ndarray, direction: np.ndarray
+) -> float | None:
+    """Where the line from ``start`` along ``direction`` leaves a convex part; None if it misses."""
+    slope, room = planes @ direction, offsets - planes @ start
+    if (room[np.abs(slope) < 1e-9] < 0).any():
+        return None
+    leaving, entering = slope > 1e-9, slope < -1e-9
+    last = (room[leaving] / slope[leaving]).min()
+    first = (room[entering] / slope[entering]).max()
+    return float(last) if first < last else None
+
+
+def _unit(vector: np.ndarray) -> np.ndarray:
+    return vector / max(float(np.linalg.norm(vector)), 1e-12)
+
+
+def _units(vectors: np.ndarray) -> np.ndarray:
+    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True).clip(1e-12)
+
+
+def _angle(a: np.ndarray, b: np.ndarray) -> float:
+    """Degrees."""
+    return float(np.degrees(np.arccos(np.clip(a @ b, -1.0, 1.0))))
