@@ -76,6 +76,22 @@ def in_distance(maps: ContactMap, distance: Distance) -> Float[Tensor, "map obje
     return distance.contact_value(distance.of_gap(source.aligned_gap(maps.values)))
 
 
+def values_on(
+    obj: ObjectModel, maps: ContactMap, distance: Distance
+) -> Float[Tensor, "map object_point"]:
+    """The values of maps at an object's points, as ``distance`` would have made them.
+
+    Raises:
+        GdgError: the maps lie on other points; or see ``in_distance``.
+    """
+    if maps.values.shape[1] != len(obj.points):
+        raise GdgError(
+            f"the contact maps of '{maps.object_name}' have {maps.values.shape[1]} values, but "
+            f"'{obj.name}' has {len(obj.points)} points; generate the maps on this object."
+        )
+    return in_distance(maps, distance)
+
+
 def _distance_of(label: str) -> Distance:
     """The distance that wrote a label: ``name/preset``, ``name/preset-option0.5``."""
     name, _, rest = label.partition("/")

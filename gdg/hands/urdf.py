@@ -166,12 +166,21 @@ def read_xml(path: Path) -> Element:
     Raises:
         GdgError: unreadable, too large, malformed, or with entities or a document type.
     """
+    return parse_xml(path, read_limited(path))
+
+
+def read_limited(path: Path) -> bytes:
+    """A file's bytes; a ``GdgError`` where it can't be read or is too large for a description."""
     try:
         if path.stat().st_size > MAX_URDF_BYTES:
             raise GdgError(f"{path}: larger than {MAX_URDF_BYTES // 10**6} MB, no plausible URDF.")
-        data = path.read_bytes()
+        return path.read_bytes()
     except OSError as error:
         raise GdgError(f"{path}: cannot be read: {error.strerror or error}") from error
+
+
+def parse_xml(path: Path, data: bytes) -> Element:
+    """The outermost element of an XML document; see ``read_xml``."""
     try:
         return defusedxml.ElementTree.fromstring(data, forbid_dtd=True)
     except defusedxml.DefusedXmlException as error:

@@ -41,8 +41,11 @@ class Fitter(ABC):
     ) -> GraspSet:
         """The best grasp of each map, in the order of the maps (all particles if so configured).
 
+        No maps give no grasps.
+
         Energies carry ``total`` and the terms it is the weighted sum of.
 
         Raises:
-            GdgError: the maps were made with another distance and can't be rewritten.
+            GdgError: the maps lie on other points than ``obj.points``, or were made with another
+                distance and can't be rewritten (``gdg.contact_maps.values_on`` sees to both).
         """

@@ -53,7 +53,7 @@ def _way_out(points: np.ndarray, direction: np.ndarray, parts: Sequence[ConvexPa
             depth = offsets - (points + way[:, None] * direction) @ planes.T
             speed = planes @ direction
             times = np.where(speed > 1e-6, depth / np.maximum(speed, 1e-6), np.inf).min(-1)
-            way += np.where((depth > 0).all(-1), times, 0.0)
+            way += np.where((depth > -1e-6).all(-1), times, 0.0)  # an edge belongs to the part
     return way
 
 

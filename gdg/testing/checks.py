@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+import pickle
+from collections.abc import Callable, Iterable, Iterator
 from typing import TypeVar
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -62,6 +64,27 @@ def not_rigid(poses: Tensor) -> Tensor:
     row = (poses[..., 3, :] - torch.eye(4, device=poses.device)[3]).abs().amax(-1)
     fine = (off < 1e-4) & (row < 1e-6) & (torch.linalg.det(rotation) > 0)
     return ~(fine & poses.isfinite().all(-1).all(-1))
+
+
+def moved_global_state(run: Callable[[], object]) -> Iterator[str]:
+    """Which libraries' global random streams a call draws from or seeds, one sentence each.
+
+    Python's own stream is left out: type checkers draw from it.
+    """
+    torch.rand(1)  # so that a seed that was set before shows when it is set again
+    np.random.random()  # noqa: NPY002
+    before = _global_states()
+    run()
+    for name, state in _global_states().items():
+        if state != before[name]:
+            yield f"the global random state of {name} changed: use the generator passed in alone."
+
+
+def _global_states() -> dict[str, bytes]:
+    return {
+        "torch": torch.get_rng_state().numpy().tobytes(),
+        "numpy": pickle.dumps(np.random.get_state()),  # noqa: NPY002
+    }
 
 
 def seeded(seed: int = 0) -> torch.Generator:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from gdg.components import Component, config_key
-from gdg.errors import GdgError, GdgErrors
+from gdg.errors import GdgError, GdgErrors, raise_if_any
 from gdg.pipeline.jobs import DEFAULTS
 from gdg.registry import get_registry
 from gdg.testing import Use, distance, fitter, generator, hand_model, planner, simulator
@@ -51,11 +51,21 @@ def component_case(
             may raise anything else, too.
     """
     record = get_registry().find(kind, name)
+    raise_if_any(list(_lax_options(record)))
     if kind == "hand-model":
         made: Any = hand_model.Maker(record.load(), _options(record, options))
     else:
         made = _Parts(uses).build(record, options)
     return KITS[kind][0](made)
+
+
+def _lax_options(record: Component) -> Iterator[str]:
+    """What an options model lets pass that the base class refuses."""
+    config = record.options.model_config
+    if config.get("extra") != "forbid":
+        yield "the options model must refuse unknown options (extra='forbid'), or typos pass."
+    if not config.get("frozen"):
+        yield "the options model must be frozen: a run records what it was started with."
 
 
 def _options(record: Component, given: Mapping[str, Any]) -> Any:

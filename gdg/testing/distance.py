@@ -170,6 +170,18 @@ def batches(case: DistanceCase) -> Iterator[str]:
         yield "an empty batch of hands must give an empty batch of distances."
 
 
+def repetition(case: DistanceCase) -> Iterator[str]:
+    """The same points have the same distance, and stay as they are."""
+    if differ(case.measure(case.hand).distance, case.found.distance, 0):
+        yield "the same points have another distance the second time."
+    drawn = [torch.randn(OBJECT_POINTS, 3, generator=seeded(6)) for _ in range(3)]
+    points, normals, hand = (torch.nn.functional.normalize(one, dim=-1) for one in drawn)
+    given = points.clone(), normals.clone(), hand[None].clone()
+    case.distance.to_hand(*given)
+    if any(differ(a, b, 0) for a, b in zip(given, (points, normals, hand[None]))):
+        yield "to_hand must not write into its arguments."
+
+
 def contact_value(case: DistanceCase) -> Iterator[str]:
     """In (0, 1], 1 at distance 0, and falling."""
     distances = torch.linspace(0.0, float(case.found.distance.max()), 200)
@@ -188,6 +200,17 @@ def contact_value(case: DistanceCase) -> Iterator[str]:
         yield "sharpen must keep the shape and the range [0, 1]."
 
 
+def contact_slope(case: DistanceCase) -> Iterator[str]:
+    """The gradient of the contact value equals finite differences."""
+    far = float(case.found.distance.max())
+    distances = torch.linspace(0.1 * far, far, 50).requires_grad_(True)
+    (slope,) = torch.autograd.grad(case.distance.contact_value(distances).sum(), distances)
+    step, at = 0.01 * far, distances.detach()
+    change = case.distance.contact_value(at + step) - case.distance.contact_value(at - step)
+    if differ(slope, change / (2 * step), GRADIENT_TOLERANCE * float(slope.abs().max())):
+        yield "the gradient of contact_value differs from finite differences."
+
+
 def gaps(case: DistanceCase) -> Iterator[str]:
     """``aligned_gap`` is the inverse of ``contact_value`` after ``of_gap``."""
     distance, gap = case.distance, torch.linspace(*GAPS_M, 20)
@@ -202,5 +225,5 @@ def gaps(case: DistanceCase) -> Iterator[str]:
 
 CHECKS = (
     result, minimum, given_points, gradient, gradient_in_contact, rigid_motion, permutations,
-    batches, contact_value, gaps,
+    batches, repetition, contact_value, contact_slope, gaps,
 )  # fmt: skip

@@ -10,10 +10,9 @@ from gdg.data.contact_map import ContactMap
 from gdg.data.grasps import GraspSet
 from gdg.errors import GdgError
 from gdg.kinds.fitter import Fitter, Progress
-from gdg.kinds.hand_model import HandModel
 from gdg.objects.model import ObjectModel
-from gdg.testing.checks import seeded
-from gdg.testing.fixtures import StandInGenerator, model_of, small_cube, two_jaws
+from gdg.testing.checks import moved_global_state, seeded
+from gdg.testing.fixtures import GripperCase, StandInGenerator, small_cube
 from gdg.testing.grasps import grasp_set_problems, progress_problems, repeat_problems
 
 MAPS = 2
@@ -21,19 +20,14 @@ OBJECT_POINTS = 256
 
 
 @dataclass(frozen=True)
-class FitterCase:
+class FitterCase(GripperCase):
     """A fitter with the two-jaw gripper, a cube and two maps."""
 
     fitter: Fitter
 
     @cached_property
-    def hand(self) -> HandModel:
-        """The two-jaw gripper."""
-        return model_of(two_jaws())
-
-    @cached_property
     def obj(self) -> ObjectModel:
-        """The cube."""
+        """The cube, with fewer points: fits are quicker."""
         return small_cube(OBJECT_POINTS)
 
     @cached_property
@@ -73,4 +67,24 @@ def foreign_maps(case: FitterCase) -> Iterator[str]:
     yield "maps of an unknown distance must raise a GdgError (see gdg.contact_maps.in_distance)."
 
 
-CHECKS = (grasps, one_map, foreign_maps)
+def no_map(case: FitterCase) -> Iterator[str]:
+    """No maps give no grasps."""
+    if len(case.fit(replace(case.maps, values=case.maps.values[:0]))) != 0:
+        yield "no maps must give no grasps."
+
+
+def maps_of_another_object(case: FitterCase) -> Iterator[str]:
+    """Maps on other points than the object's are refused."""
+    try:
+        case.fit(replace(case.maps, values=case.maps.values[:, : OBJECT_POINTS // 2]))
+    except GdgError:
+        return
+    yield "maps of another number of points must raise a GdgError (see gdg.contact_maps.values_on)."
+
+
+def randomness(case: FitterCase) -> Iterator[str]:
+    """Fitting leaves the global random streams alone."""
+    yield from moved_global_state(lambda: case.fit(case.maps))
+
+
+CHECKS = (grasps, one_map, no_map, foreign_maps, maps_of_another_object, randomness)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import tempfile
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import torch
@@ -78,6 +79,21 @@ def quick_protocol(per_direction: bool) -> Protocol:
         changes["pushes"] = preset.pushes.model_copy(update={"order": "reset"})
         changes["success"] = preset.success.model_copy(update={"measured": "per-push"})
     return preset.model_copy(update=changes)
+
+
+@dataclass(frozen=True)
+class GripperCase:
+    """What a component is tried on: the two-jaw gripper and the cube."""
+
+    @cached_property
+    def hand(self) -> HandModel:
+        """The two-jaw gripper."""
+        return model_of(two_jaws())
+
+    @cached_property
+    def obj(self) -> ObjectModel:
+        """The cube, with all its points: networks may rely on their number."""
+        return small_cube()
 
 
 class StandInGenerator(Generator):

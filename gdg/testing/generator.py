@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -15,10 +16,12 @@ from gdg.kinds.generator import Generator
 from gdg.objects.model import ObjectModel
 from gdg.pipeline.jobs import DEFAULTS
 from gdg.registry import get_registry
-from gdg.testing.checks import differ, seeded
+from gdg.testing.checks import differ, moved_global_state, seeded
 from gdg.testing.fixtures import small_cube
 
 COUNT = 3
+#: Far fewer than the 2048 points that objects have.
+FEW_POINTS = 100
 
 
 @dataclass(frozen=True)
@@ -38,8 +41,8 @@ class GeneratorCase:
 
 
 def maps(case: GeneratorCase) -> Iterator[str]:
-    """Shape and range are as documented, for one map as for several."""
-    for count in (1, COUNT):
+    """Shape and range are as documented, for no map and for one as for several."""
+    for count in (0, 1, COUNT):
         drawn = case.draw(count, seed=0)
         wanted = (count, len(case.obj.points))
         if drawn.values.shape != wanted:
@@ -54,7 +57,7 @@ def maps(case: GeneratorCase) -> Iterator[str]:
 
 def randomness(case: GeneratorCase) -> Iterator[str]:
     """The same generator state gives the same maps."""
-    torch.rand(1)  # moves the global stream on, which must not matter
+    yield from moved_global_state(lambda: case.draw(COUNT, seed=1))
     if differ(case.draw(COUNT, seed=1).values, case.draw(COUNT, seed=1).values, 1e-6):
         yield "the same generator state gave other maps: draw from the generator that is passed in."
 
@@ -69,4 +72,13 @@ def label(case: GeneratorCase) -> Iterator[str]:
         yield f"the maps' distance is '{drawn.distance}': {error}"
 
 
-CHECKS = (maps, randomness, label)
+def other_points(case: GeneratorCase) -> Iterator[str]:
+    """On an object with fewer points the maps are as long, or the object is refused."""
+    obj = small_cube(FEW_POINTS)
+    with suppress(GdgError):
+        drawn = case.generator.generate(obj, 1, seeded())
+        if drawn.values.shape != (1, FEW_POINTS):
+            yield f"an object of {FEW_POINTS} points got maps of shape {tuple(drawn.values.shape)}."
+
+
+CHECKS = (maps, randomness, label, other_points)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import pairwise
 
+import torch
+
 from gdg.data.grasps import GraspSet
 from gdg.kinds.hand_model import HandModel
 from gdg.objects.model import ObjectModel
@@ -31,11 +33,21 @@ def grasp_set_problems(hand: HandModel, obj: ObjectModel, grasps: GraspSet) -> I
         yield f"status '{status}' is none of {', '.join(STATUSES)}."
     if "total" not in grasps.energies:
         yield "energies must have 'total', what was minimised."
+    yield from _wrong_types(grasps)
     for name, values in grasps.energies.items():
         if values.shape != (count,):
             yield f"energies['{name}'] has the shape {tuple(values.shape)}, not ({count},)."
     status = grasps.status or ("converged",) * count
     yield from _wrong_values(hand, grasps.select([i for i in range(count) if _good(status[i])]))
+
+
+def _wrong_types(grasps: GraspSet) -> Iterator[str]:
+    tensors = {"poses": grasps.poses, "joints": grasps.joints, "targets": grasps.targets}
+    tensors["contact_values"] = grasps.contact_values
+    tensors |= {f"energies['{name}']": values for name, values in grasps.energies.items()}
+    for name, values in tensors.items():
+        if values is not None and values.dtype != torch.float32:
+            yield f"{name} must be float32, not {values.dtype}."
 
 
 def _good(status: str) -> bool:

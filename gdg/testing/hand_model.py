@@ -134,6 +134,10 @@ def batches(case: HandModelCase) -> Iterator[str]:
             alone = model.link_poses_in_root(joints[row : row + 1])
             if differ(alone, together[row : row + 1], TOLERANCE):
                 yield f"{model.hand.name}: row {row} of a batch differs from the same row alone."
+        if differ(model.link_poses_in_root(joints), together, 0):
+            yield f"{model.hand.name}: the same joint values give other poses the second time."
+        if len(model.link_poses_in_root(joints[:0])) != 0:
+            yield f"{model.hand.name}: an empty batch must give an empty batch of link poses."
         q = torch.zeros(0, ROOT_DIM + len(model.joint_names))
         if model.surface_points(q).shape != (0, len(model.surface.points), 3):
             yield f"{model.hand.name}: an empty batch must give an empty batch of surface points."

@@ -3,40 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
-from functools import cached_property
 
 from gdg.data.grasps import GraspSet
+from gdg.errors import GdgError
 from gdg.kinds.fitter import Progress
-from gdg.kinds.hand_model import HandModel
 from gdg.kinds.planner import Planner
 from gdg.objects.model import ObjectModel
-from gdg.testing.checks import seeded
-from gdg.testing.fixtures import model_of, small_cube, two_jaws
+from gdg.testing.checks import moved_global_state, seeded
+from gdg.testing.fixtures import GripperCase, small_cube
 from gdg.testing.grasps import grasp_set_problems, progress_problems, repeat_problems
 
 COUNT = 3
+#: Far fewer than the 2048 points that objects have.
+FEW_POINTS = 100
 
 
 @dataclass(frozen=True)
-class PlannerCase:
+class PlannerCase(GripperCase):
     """A planner with the two-jaw gripper and a cube."""
 
     planner: Planner
 
-    @cached_property
-    def hand(self) -> HandModel:
-        """The two-jaw gripper."""
-        return model_of(two_jaws())
-
-    @cached_property
-    def obj(self) -> ObjectModel:
-        """The cube, with all its points: networks may rely on their number."""
-        return small_cube()
-
-    def plan(self, count: int, progress: Progress | None = None) -> GraspSet:
+    def plan(
+        self, count: int, progress: Progress | None = None, obj: ObjectModel | None = None
+    ) -> GraspSet:
         """Plans from a fixed seed."""
-        return self.planner.plan(self.hand, self.obj, count, seeded(), progress)
+        return self.planner.plan(self.hand, obj or self.obj, count, seeded(), progress)
 
 
 def grasps(case: PlannerCase) -> Iterator[str]:
@@ -60,6 +54,18 @@ def one_grasp(case: PlannerCase) -> Iterator[str]:
         yield "one grasp was asked for, several given."
 
 
+def randomness(case: PlannerCase) -> Iterator[str]:
+    """Planning leaves the global random streams alone."""
+    yield from moved_global_state(lambda: case.plan(1))
+
+
+def other_points(case: PlannerCase) -> Iterator[str]:
+    """An object with fewer points is planned for, or refused with the reason."""
+    obj = small_cube(FEW_POINTS)
+    with suppress(GdgError):
+        yield from grasp_set_problems(case.hand, obj, case.plan(1, obj=obj))
+
+
 def _provenance_mistakes(planned: GraspSet) -> Iterator[str]:
     rejected = planned.provenance.get("rejected")
     if not isinstance(rejected, Mapping):
@@ -70,4 +76,4 @@ def _provenance_mistakes(planned: GraspSet) -> Iterator[str]:
             yield f"provenance['rejected'][{reason!r}] is {count!r}, not a count."
 
 
-CHECKS = (grasps, one_grasp)
+CHECKS = (grasps, one_grasp, randomness, other_points)

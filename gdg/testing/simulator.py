@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
+
+import torch
 
 from gdg.data.grasps import GraspSet
 from gdg.data.verdict import DIRECTIONS, Verdict
-from gdg.kinds.hand_model import HandModel
+from gdg.errors import GdgError
+from gdg.kinds.fitter import Progress
 from gdg.kinds.simulator import Simulator
-from gdg.objects.model import ObjectModel
 from gdg.protocols import Protocol
-from gdg.testing.fixtures import jaw_grasps, model_of, quick_protocol, small_cube, two_jaws
+from gdg.testing.fixtures import GripperCase, jaw_grasps, quick_protocol
+from gdg.testing.grasps import progress_problems
 
 #: A hand that is shifted so far holds nothing, metres.
 ABSENT_M = 1.0
@@ -22,20 +25,10 @@ FAILURES = ("moved", "rotated", "lost-contact", "drifted", "penetrating", "diver
 
 
 @dataclass(frozen=True)
-class SimulatorCase:
+class SimulatorCase(GripperCase):
     """A simulator with the two-jaw gripper, a cube and a quick protocol."""
 
     simulator: Simulator
-
-    @cached_property
-    def hand(self) -> HandModel:
-        """The two-jaw gripper."""
-        return model_of(two_jaws())
-
-    @cached_property
-    def obj(self) -> ObjectModel:
-        """The cube."""
-        return small_cube()
 
     @cached_property
     def protocol(self) -> Protocol:
@@ -47,9 +40,11 @@ class SimulatorCase:
         """Verdicts of a firm grasp and of a hand that is not there."""
         return self.run(jaw_grasps((0.0, ABSENT_M)), self.protocol)
 
-    def run(self, grasps: GraspSet, protocol: Protocol) -> tuple[Verdict, ...]:
+    def run(
+        self, grasps: GraspSet, protocol: Protocol, progress: Progress | None = None
+    ) -> tuple[Verdict, ...]:
         """Verdicts of grasps of the cube."""
-        return self.simulator.simulate(self.hand, self.obj, grasps, protocol)
+        return self.simulator.simulate(self.hand, self.obj, grasps, protocol, progress)
 
 
 def verdicts(case: SimulatorCase) -> Iterator[str]:
@@ -94,13 +89,65 @@ def repetition(case: SimulatorCase) -> Iterator[str]:
     """The same grasp gets the same verdict."""
     again = case.run(jaw_grasps((0.0, ABSENT_M)), case.protocol)
     for first, second in zip(case.firm_then_absent, again):
-        pairs = zip(first.displacement_m, second.displacement_m)
-        moved = max((abs(a - b) for a, b in pairs), default=0.0)
-        if first.success != second.success or not moved <= REPEAT_TOLERANCE_M:
-            yield f"a second run moved the object by {1000 * moved:.2g} mm more or less."
+        yield from _apart(first, second, "in a second run")
+
+
+def alone(case: SimulatorCase) -> Iterator[str]:
+    """A grasp gets the same verdict alone as among others."""
+    (verdict,) = case.run(jaw_grasps((0.0,)), case.protocol)
+    yield from _apart(case.firm_then_absent[0], verdict, "alone instead of among others")
+
+
+def turned_grasp(case: SimulatorCase) -> Iterator[str]:
+    """A cube looks the same from its sides: a grasp turned by 90° holds it as well."""
+    firm = jaw_grasps((0.0,))
+    turn = torch.tensor([[0.0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+    (verdict,) = case.run(replace(firm, poses=turn @ firm.poses), case.protocol)
+    if verdict.success != case.firm_then_absent[0].success:
+        yield f"a grasp turned by 90° around the cube is judged otherwise: {verdict.failure}."
+
+
+def no_targets(case: SimulatorCase) -> Iterator[str]:
+    """Grasps without drive targets are tested as they are, and said not to be refined."""
+    (verdict,) = case.run(jaw_grasps((0.0,), squeeze=None), case.protocol)
+    if verdict.refined:
+        yield "refined must be false for grasps without drive targets."
+
+
+def foreign_grasps(case: SimulatorCase) -> Iterator[str]:
+    """Grasps of a hand with other joints are refused."""
+    try:
+        case.run(replace(jaw_grasps((0.0,)), joint_names=("other",)), case.protocol)
+    except GdgError:
+        return
+    yield "grasps of a hand with other joints must raise a GdgError."
+
+
+def progress(case: SimulatorCase) -> Iterator[str]:
+    """Progress counts up."""
+    calls: list[tuple[int, int]] = []
+    case.run(jaw_grasps((0.0,)), case.protocol, lambda done, total: calls.append((done, total)))
+    yield from progress_problems(calls)
+
+
+def _apart(first: Verdict, second: Verdict, when: str) -> Iterator[str]:
+    pairs = zip(first.displacement_m, second.displacement_m)
+    moved = max((abs(a - b) for a, b in pairs), default=0.0)
+    if first.success != second.success or not moved <= REPEAT_TOLERANCE_M:
+        yield f"{when}, a grasp's object moved by {1000 * moved:.2g} mm more or less."
+
+
+def _plain_mistakes(verdict: Verdict) -> Iterator[str]:
+    for field in fields(verdict):
+        value = getattr(verdict, field.name)
+        for one in value if isinstance(value, tuple) else (value,):
+            if type(one) not in (bool, float, int, str):
+                yield f"{field.name} holds a {type(one).__name__}, not a plain Python value."
+                break
 
 
 def _field_mistakes(verdict: Verdict, protocol: Protocol) -> Iterator[str]:
+    yield from _plain_mistakes(verdict)
     for name in ("displacement_m", "rotation_rad", "contact_kept"):
         if len(getattr(verdict, name)) != len(DIRECTIONS):
             yield f"{name} must have one value per direction {', '.join(DIRECTIONS)}."
@@ -118,4 +165,7 @@ def _field_mistakes(verdict: Verdict, protocol: Protocol) -> Iterator[str]:
         yield "refined must be true for grasps with drive targets."
 
 
-CHECKS = (verdicts, firm_grasp, absent_hand, repetition)
+CHECKS = (
+    verdicts, firm_grasp, absent_hand, repetition, alone, turned_grasp, no_targets,
+    foreign_grasps, progress,
+)  # fmt: skip

@@ -9,7 +9,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from gdg.contact_maps import in_distance
+from gdg.contact_maps import values_on
 from gdg.data.contact_map import ContactMap
 from gdg.data.grasps import GraspSet
 from gdg.energies import nearest_point_penetration, penetration
@@ -88,7 +88,7 @@ class AdamFitter(Fitter):
         progress: Progress | None = None,
     ) -> GraspSet:
         """The best particle of each map, in the order of the maps; see the interface."""
-        targets = in_distance(maps, self.distance).to(hand.device)
+        targets = values_on(obj, maps, self.distance).to(hand.device)
         if self.options.sharpen:
             targets = self.distance.sharpen(targets)
         rows = targets.repeat_interleave(self.options.particles, dim=0)
@@ -119,6 +119,8 @@ class AdamFitter(Fitter):
         targets: Tensor,
         report: Callable[[int], None],
     ) -> Tensor:
+        if len(start) == 0:
+            return start
         q = start.clone().requires_grad_(True)
         steps = self.options.steps
         optimiser = torch.optim.Adam([q], lr=self.options.learning_rate)

@@ -8,20 +8,24 @@ from dataclasses import replace
 
 import torch
 
-from gdg.components import Options
+from gdg.closure import close_until_touch
 from gdg.data.grasps import GraspSet
 from gdg.kinds.fitter import Fitter, Progress
 from gdg.kinds.generator import Generator
 from gdg.kinds.hand_model import HandModel
 from gdg.kinds.planner import Planner
 from gdg.objects.model import ObjectModel
+from gdg.rotations import ROOT_DIM
+
+from .options import ContactMapOptions
 
 
 class ContactMapPlanner(Planner):
     """One contact map per grasp asked for; drops fits that diverged."""
 
-    def __init__(self, options: Options, *, generator: Generator, fitter: Fitter):
+    def __init__(self, options: ContactMapOptions, *, generator: Generator, fitter: Fitter):
         super().__init__(options)
+        self.options = options
         self._generator, self._fitter = generator, fitter
 
     def plan(
@@ -37,6 +41,9 @@ class ContactMapPlanner(Planner):
         maps = self._generator.generate(obj, count, generator)
         generated = time.perf_counter()
         grasps = self._fitter.fit(hand, obj, maps, generator, progress)
+        if self.options.close and len(grasps):
+            closed = close_until_touch(hand, obj, hand.q_of(grasps))
+            grasps = replace(grasps, joints=closed[:, ROOT_DIM:].cpu())
         fitted = time.perf_counter()
         order = grasps.energies["total"].argsort().tolist()
         kept = [i for i in order if grasps.status[i] != "diverged"][:count]

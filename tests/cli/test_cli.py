@@ -308,6 +308,63 @@ def test_hands_are_listed_and_shown(run, hand: Path):
         assert part in shown
 
 
+def test_hands_are_listed_with_their_joints_and_tier(run):
+    (line,) = [line for line in run("hands", "list").out.splitlines() if line.startswith("barrett")]
+    assert line.split()[1:4] == ["bundled", "4", "joints"]
+    assert line.endswith("Barrett BH8-282")
+
+
+def test_a_hand_is_shown_with_drives_terms_and_picture(run, hand: Path):
+    shown = run("hands", "show", hand).out
+    for part in (
+        "tier path",
+        "2000 / 100 / 20",
+        "normal (0 0 1)",
+        "licence: Apache-2.0",
+        "none in",
+    ):
+        assert part in shown
+    assert str(Path("barrett/picture.png")) in run("hands", "show", "barrett").out
+    outcome = run("hands", "show", hand, "--picture", "mine.png")
+    assert "picture: mine.png" in outcome.out
+    assert Path("mine.png").stat().st_size > 10_000
+
+
+def test_checking_a_good_hand_writes_pictures_beside_and_ends_with_zero(run, hand: Path):
+    before = sorted(hand.iterdir())
+    outcome = run("hands", "check", hand)
+    assert outcome.code == 0
+    assert outcome.err == ""
+    assert f"{hand}: 2 warnings" in outcome.out
+    assert "warning: " in outcome.out
+    assert sorted(hand.iterdir()) == before
+    assert sorted(path.name for path in Path("two_jaws-check").iterdir()) == [
+        "hand.png", "report.html"
+    ]  # fmt: skip
+    run("hands", "check", hand, "--out", "there")
+    assert Path("there/two_jaws-check/hand.png").is_file()
+
+
+def test_checking_bad_hands_tells_every_mistake_of_each_and_ends_with_two(run, tmp_path: Path):
+    folder, broken = write_gripper(tmp_path / "a"), write_gripper(tmp_path / "b")
+    manifest = folder / "hand.yaml"
+    text = manifest.read_text()
+    manifest.write_text(
+        text.replace("normal: [0, 0, 1]", "normal: [0, 0, -1]").replace("Apache-2.0", '""')
+    )
+    (broken / "hand.yaml").write_text(text.replace("  left:\n", "  lefft:\n"))
+    outcome = run("hands", "check", folder, broken, "alegro", "--no-pictures")
+    assert outcome.code == 2
+    assert "Traceback" not in outcome.err
+    for part in (
+        f"error: {manifest}: palm.normal: ", f"error: {manifest}: provenance.licence: ",
+        f"{folder}: 2 errors and 2 warnings", "Did you mean 'left'?", f"{broken}: 1 error",
+        "Did you mean 'allegro'?",
+    ):  # fmt: skip
+        assert part in outcome.out
+    assert not list(Path().glob("*-check"))
+
+
 def test_a_broken_hand_is_listed_as_broken(run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     folder = write_gripper(tmp_path / "mine")
     (folder / "hand.yaml").write_text("name: two_jaws\n")

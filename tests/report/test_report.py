@@ -4,57 +4,24 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import json
 import re
 from dataclasses import replace
-from html.parser import HTMLParser
 from importlib import resources
-from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 from PIL import Image
+from report_pages import EVIL, read_page, unpack
 
 from gdg.errors import GdgError
 from gdg.report.contact_sheet import contact_sheet, sheet_size
 from gdg.report.html import html_report
 from gdg.report.meshes import hand_meshes
 
-EVIL = "</script><script>alert(1)</script><img src=x onerror=alert(2)>"
 VIEW = (160, 120)
 
 JOINT = "<&finger"
-
-
-class _Page(HTMLParser):
-    """Collects elements as a browser would see them."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.tags: list[tuple[str, dict[str, str | None]]] = []
-        self.scripts: list[str] = []
-        self.inside = ""
-        self.feed(text)
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.append((tag, dict(attrs)))
-        self.inside = tag
-
-    def handle_data(self, data: str) -> None:
-        if self.inside == "script":
-            self.scripts.append(data)
-            self.inside = ""
-
-
-def read_page(path: Path) -> tuple[_Page, dict]:
-    page = _Page(path.read_text(encoding="utf-8"))
-    return page, json.loads(page.scripts[0])
-
-
-def unpack(packed: dict[str, str]) -> np.ndarray:
-    kinds = {"f32": "<f4", "i16": "<i2", "i8": "i1", "u8": "u1", "u16": "<u2", "u32": "<u4"}
-    return np.frombuffer(base64.b64decode(packed["data"]), kinds[packed["type"]])
 
 
 # -- the HTML report ----------------------------------------------------------------------------
@@ -100,8 +67,10 @@ def test_hostile_names_stay_text(hand, obj, grasps, tmp_path):
 
 
 def test_viewer_writes_text_only_as_text():
-    for name in ("viewer_draw.js", "viewer_page.js"):
-        script = resources.files("gdg.report").joinpath(name).read_text(encoding="utf-8")
+    scripts = [f for f in resources.files("gdg.report").iterdir() if f.name.endswith(".js")]
+    assert len(scripts) == 5
+    for file in scripts:
+        script = file.read_text(encoding="utf-8")
         assert "</script" not in script
         assert not re.search(r"innerHTML|outerHTML|insertAdjacent|document\.write|\beval\b", script)
 

@@ -14,10 +14,10 @@ from gdg.hands.intake.mesh_files import MeshFiles, gather_meshes
 from gdg.hands.intake.mjcf import mjcf_from_xml
 from gdg.hands.intake.provenance import find_licence, stated_source
 from gdg.hands.intake.repairs import mend
-from gdg.hands.intake.urdf_files import urdf_from_xml
+from gdg.hands.intake.urdf_files import declare_prefixes, urdf_from_xml
 from gdg.hands.intake.write_urdf import write_urdf
 from gdg.hands.spec import Drive
-from gdg.hands.urdf import read_urdf, read_xml
+from gdg.hands.urdf import parse_xml, read_limited, read_urdf
 
 
 @dataclass(frozen=True)
@@ -64,8 +64,8 @@ def take_in(
         folder: made where it does not exist.
         name: of the URDF and the robot in it.
         root: keep only this link and what hangs on it.
-        package_paths: folders in which ROS packages lie (or packages), beside those above
-            ``source``.
+        package_paths: folders in which ROS packages and other files of the description lie,
+            beside those above ``source``.
 
     Raises:
         GdgError: what can't be read or mended; says what to do instead.
@@ -86,11 +86,11 @@ def take_in(
 
 
 def _read(source: Path, root: str | None, package_paths: Sequence[Path]) -> Description:
-    xml = read_xml(source)
+    xml = parse_xml(source, declare_prefixes(read_limited(source)))
     if xml.tag == "sdf":
         raise GdgError(f"{source}: is an SDF file; gdg takes in URDF and MJCF. Convert it first.")
     if xml.tag in ("mujoco", "mujocoinclude"):
-        return mjcf_from_xml(source, xml, root)
+        return mjcf_from_xml(source, xml, root, package_paths)
     repairs: list[str] = []
     robot_name = xml.get("name", "")
     urdf, actuated = urdf_from_xml(source, xml, root, repairs)

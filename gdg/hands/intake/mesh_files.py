@@ -7,12 +7,15 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
+from tempfile import TemporaryDirectory
+from typing import Any
 
 import defusedxml
 import defusedxml.ElementTree
+import trimesh
 
 from gdg.errors import GdgError, raise_if_any
-from gdg.geometry.mesh import MESH_SUFFIXES, load_mesh
+from gdg.geometry.mesh import MAX_MESH_BYTES, MESH_SUFFIXES, PARSER_ERRORS, load_mesh
 from gdg.hands.intake.description import Description, Mesh, named
 from gdg.hands.urdf import Link, Shape
 
@@ -22,6 +25,9 @@ MAX_PARENTS = 5
 MAX_PACKAGES = 500
 #: All meshes of a hand together may have this many bytes.
 MAX_TOTAL_BYTES = 500_000_000
+#: Formats taken in: those that gdg reads, and binary glTF, which is written as STL. Its axes are
+#: left as they are, as URDF loaders do.
+SUFFIXES = (*MESH_SUFFIXES, ".glb")
 #: What may stand before a path: ``package://``, ``file://``, a left-over of xacro.
 SCHEMES = ("package://", "model://", "file://")
 FIND = re.compile(r"\$\(find ([\w.-]+)\)")
@@ -45,7 +51,7 @@ class MeshFiles:
         for candidate in self._candidates(name):
             path = Path(os.path.realpath(candidate))
             inside = any(path.is_relative_to(base) for base in self._inside)
-            if inside and path.suffix.lower() in MESH_SUFFIXES and os.path.isfile(path):
+            if inside and path.suffix.lower() in SUFFIXES and os.path.isfile(path):
                 return path
         return None
 
@@ -121,8 +127,8 @@ def gather_meshes(description: Description, files: MeshFiles) -> None:
     raise_if_any(gatherer.mistakes)
     description.urdf = replace(description.urdf, links=links)
     if gatherer.lost_visuals:
-        sample = "; ".join(gatherer.lost_visuals[:3])
-        more = f"; and {len(gatherer.lost_visuals) - 3} more" * (len(gatherer.lost_visuals) > 3)
+        sample = "; ".join(gatherer.lost_visuals[:2])
+        more = f"; and {len(gatherer.lost_visuals) - 2} more" * (len(gatherer.lost_visuals) > 2)
         description.repairs.append(f"Dropped visual meshes (for pictures only): {sample}{more}.")
     if gatherer.replaced:
         description.repairs.append(
@@ -172,22 +178,44 @@ class _Gatherer:
         path = self.files.find(name)
         if path is None:
             suffix = PurePosixPath(name).suffix.lower()
-            if suffix not in MESH_SUFFIXES:
-                known = ", ".join(MESH_SUFFIXES)
-                raise GdgError(f"mesh '{name[:200]}' is of no format that gdg reads ({known})")
+            if suffix not in SUFFIXES:
+                raise GdgError(f"mesh '{name[:200]}' is none of {', '.join(SUFFIXES)}")
             folder = self.files.parents[-1]
             raise GdgError(
                 f"mesh '{name[:200]}': no such file at the description, in the folders above it "
-                f"up to {folder}, or in a --package-path"
+                f"up to {folder}, or in a --packages"
             )
         if path not in self._names:
             self._bytes += path.stat().st_size
             if self._bytes > MAX_TOTAL_BYTES:
                 raise GdgError(f"mesh '{name[:200]}': over {MAX_TOTAL_BYTES // 10**6} MB in all")
-            mesh = load_mesh(path)
-            self._names[path] = unique_name(path, self.meshes)
-            self.meshes[self._names[path]] = Mesh(mesh, path)
+            mesh = _load(path)
+            target = path if mesh.file is not None else path.with_suffix(".stl")
+            self._names[path] = unique_name(target, self.meshes)
+            self.meshes[self._names[path]] = mesh
         return self._names[path]
+
+
+def _load(path: Path) -> Mesh:
+    """A mesh to copy, or, where gdg's loader does not read its format, one to write as STL.
+
+    Raises:
+        GdgError: unreadable, too large, or no mesh.
+    """
+    if path.suffix.lower() in MESH_SUFFIXES:
+        return Mesh(load_mesh(path), path)
+    if path.stat().st_size > MAX_MESH_BYTES:
+        raise GdgError(f"{path}: larger than {MAX_MESH_BYTES // 10**6} MB; decimate it first.")
+    try:
+        # a binary glTF holds all that it needs; whatever else it names is not looked for
+        with path.open("rb") as stream:
+            scene: Any = trimesh.load(stream, file_type="glb", force="mesh", skip_materials=True)
+        with TemporaryDirectory() as folder:
+            stl = Path(folder) / f"{path.stem}.stl"
+            scene.export(stl)
+            return Mesh(load_mesh(stl))
+    except PARSER_ERRORS as error:
+        raise GdgError(f"{path}: cannot be read as a mesh: {str(error)[:200]}") from error
 
 
 def unique_name(path: Path, taken: dict[str, Mesh]) -> str:

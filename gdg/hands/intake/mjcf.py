@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,15 @@ from gdg.hands.intake.mjcf_couplings import read_couplings
 from gdg.hands.intake.mjcf_files import LEAST_MASS, Flat, flatten
 from gdg.hands.intake.mjcf_geoms import GeomReader
 from gdg.hands.intake.mjcf_loops import Closed, close_loops
-from gdg.hands.intake.mjcf_model import FREE, HINGE, MjcfModel, free_name, load_mujoco, pose
+from gdg.hands.intake.mjcf_model import (
+    FREE,
+    HINGE,
+    MjcfModel,
+    check_numbers,
+    free_name,
+    load_mujoco,
+    pose,
+)
 from gdg.hands.intake.provenance import stated_source
 from gdg.hands.urdf import CONTINUOUS_RANGE, Inertial, Joint, Link, Urdf
 
@@ -30,16 +38,24 @@ LINE = re.compile(r",? line \d+")
 NO_MASS = 1.001 * float(LEAST_MASS)
 
 
-def mjcf_from_xml(path: Path, root_element: Element, root: str | None) -> Description:
+def mjcf_from_xml(
+    path: Path, root_element: Element, root: str | None, package_paths: Sequence[Path]
+) -> Description:
     """The hand that an MJCF file describes.
+
+    Args:
+        path: the file.
+        root_element: its outermost element; changed in place.
+        root: keep only this body and what hangs on it.
+        package_paths: folders in which included files and meshes may lie, beside its own.
 
     Raises:
         GdgError: MuJoCo is not installed or refuses the file; ball joints inside the hand, slides
             without a range; several hands and no ``root``.
     """
     robot = root_element.get("model", "")
-    flat = flatten(path, root_element)
-    repairs: list[str] = []
+    flat = flatten(path, root_element, package_paths)
+    repairs = flat.repairs
     model = MjcfModel(path, _compile(path, flat, repairs))
     tree = _Tree(model, flat, repairs)
     description = tree.convert(root)
@@ -62,7 +78,9 @@ def _compile(path: Path, flat: Flat, repairs: list[str]) -> Any:
     for _ in range(20):
         text = tostring(flat.root, encoding="unicode")
         try:
-            return mujoco.MjModel.from_xml_string(text, flat.assets)
+            raw = mujoco.MjModel.from_xml_string(text, flat.assets)
+            check_numbers(path, raw)
+            return raw
         except (ValueError, mujoco.FatalError) as error:
             reason = " ".join(str(error).split())
             unknown = UNKNOWN.search(reason)

@@ -15,6 +15,9 @@ from gdg.hands.urdf import Mimic
 MAX_PLAY = 0.3
 #: Points at which a curved coupling is fitted by a line.
 FIT_POINTS = 50
+#: Where the joint that is followed has no range to fit in (less than the first), this far around
+#: its reference, rad or m.
+MIN_RANGE, CURVE_RANGE = 1e-4, 0.5
 
 
 @dataclass(frozen=True)
@@ -139,7 +142,9 @@ def _between_joints(
     other = float(raw.qpos0[raw.jnt_qposadr[second]])
     constant, slope = float(law[0]), float(law[1])
     if np.abs(law[2:]).max() > 0.0:
-        lower, upper = np.nan_to_num(model.joint_range(second), nan=0.0)
+        lower, upper = model.joint_range(second)
+        if not upper - lower > MIN_RANGE:  # none, or none that matters
+            lower, upper = other - CURVE_RANGE, other + CURVE_RANGE
         values = np.linspace(lower, upper, FIT_POINTS) - other
         exact = np.polynomial.polynomial.polyval(values, law)
         slope, constant = (float(value) for value in np.polyfit(values, exact, 1))

@@ -5,8 +5,10 @@ MuJoCo's parser gets this text and these bytes, and never a path of the descript
 
 from __future__ import annotations
 
+import contextlib
 import os
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from xml.etree.ElementTree import Element
@@ -23,6 +25,9 @@ MAX_TOTAL_BYTES = 500_000_000
 PLACEHOLDER = "0 0 0 0.01 0 0 0 0.01 0 0 0 0.01"
 #: Given to moving bodies without mass, kg, which MuJoCo would refuse.
 LEAST_MASS = "1e-6"
+#: MuJoCo reads angles as degrees where their unit is not stated. No hand has all its ranges below
+#: this many degrees, but many files rely on another one to say that they are in radians.
+MAX_TURN_RAD = 6.5
 MAX_INCLUDES = 50
 MAX_REPLICAS = 100
 MAX_DEPTH = 100
@@ -52,6 +57,19 @@ DROPPED = frozenset(
         "visual",
     ]
 )
+#: Attributes whose values are words, in which "nan" is one.
+WORDS = (
+    "name",
+    "joint",
+    "joint1",
+    "joint2",
+    "body1",
+    "body2",
+    "class",
+    "childclass",
+    "mesh",
+    "file",
+)
 #: Elements that join other files' models to this one.
 JOINED = ("attach", "model")
 #: Compiler settings that change neither units nor conventions, or would hide shapes.
@@ -69,32 +87,36 @@ class Flat:
         root: its outermost element, includes in place.
         assets: the meshes' bytes, by the names that ``root`` uses.
         missing: names of meshes whose file was not found; a placeholder stands for each.
+        repairs: one sentence per repair made.
     """
 
     root: Element
     assets: dict[str, bytes]
     missing: dict[str, str]
+    repairs: list[str]
 
 
-def flatten(path: Path, root: Element) -> Flat:
+def flatten(path: Path, root: Element, package_paths: Sequence[Path] = ()) -> Flat:
     """An MJCF file with its includes in place and its meshes read.
 
     Args:
         path: the file; includes and meshes must lie in the folder above its own, or below that.
         root: its outermost element; changed in place.
+        package_paths: folders in which they may lie, too.
 
     Raises:
         GdgError: includes that are missing, files outside, too much of anything, models joined
             by file.
     """
-    return _Flattener(path).flatten(root)
+    return _Flattener(path, package_paths).flatten(root)
 
 
 class _Flattener:
-    def __init__(self, path: Path):
+    def __init__(self, path: Path, package_paths: Sequence[Path]):
         self.path = path
         self.folder = Path(os.path.abspath(path)).parent
-        self.inside = Path(os.path.realpath(self.folder.parent))
+        allowed = (self.folder.parent, *package_paths)
+        self.inside = tuple(Path(os.path.realpath(folder)) for folder in allowed)
         self._folders = [self.folder]
         self._included: set[Path] = {Path(os.path.realpath(path))}
         self._bytes = 0
@@ -106,11 +128,11 @@ class _Flattener:
         self._check(root)
         _drop(root)
         mesh_folders = self._mesh_folders(root)
-        flat = Flat(root, {}, {})
+        flat = Flat(root, {}, {}, [])
         for mesh in root.iter("mesh"):
             if mesh.get("file") is not None:
                 self._take_mesh(mesh, mesh_folders, flat)
-        _set_compiler(root)
+        _set_compiler(root, flat.repairs)
         _set_armature(root)
         return flat
 
@@ -153,14 +175,14 @@ class _Flattener:
         outside = False
         for base in bases:
             file = Path(os.path.realpath(base / plain))
-            if not file.is_relative_to(self.inside):
+            if not any(file.is_relative_to(folder) for folder in self.inside):
                 outside = True
             elif os.path.isfile(file):
                 return file
         if outside:
             raise GdgError(
-                f"{self.path}: {what} '{name[:200]}' lies outside {self.inside}; copy the "
-                "description and its files into one folder."
+                f"{self.path}: {what} '{name[:200]}' lies outside {self.inside[0]}; name the "
+                "folder that holds it with --packages, or copy all files into one folder."
             )
         return None
 
@@ -172,6 +194,13 @@ class _Flattener:
                 raise GdgError(f"{self.path}: elements nested over {MAX_DEPTH} deep, no hand.")
 
     def _check(self, root: Element) -> None:
+        for element in root.iter():
+            for name, value in element.attrib.items():
+                if name not in WORDS and "nan" in value.lower().split():
+                    raise GdgError(
+                        f'{self.path}: <{element.tag}> has {name}="{value[:60]}", which is no '
+                        "number."
+                    )
         counts = Counter(element.tag for element in root.iter())
         for tag, most in MAX_MJCF_ELEMENTS.items():
             if counts[tag] > most:
@@ -229,17 +258,36 @@ def _drop(element: Element) -> None:
             _drop(child)
 
 
-def _set_compiler(root: Element) -> None:
-    """Keeps every body and shape, and lets placeholders of masses pass."""
+def _set_compiler(root: Element, repairs: list[str]) -> None:
+    """Keeps every body and shape, lets placeholders of masses pass, finds the unit of angles."""
+    stated = any(compiler.get("angle") for compiler in root.iter("compiler"))
     for compiler in root.iter("compiler"):
         for attribute in COMPILER_DROPPED:
             compiler.attrib.pop(attribute, None)
         for child in list(compiler):
             compiler.remove(child)
+    largest = _largest_range(root)
     settings = {"balanceinertia": "true", "boundmass": LEAST_MASS, "boundinertia": "1e-12"}
+    if not stated and 0.0 < largest < MAX_TURN_RAD:
+        settings["angle"] = "radian"
+        repairs.append(
+            f"The unit of angles is not stated; ranges of at most {largest:.3g} mean radians."
+        )
     compiler = Element("compiler", {**settings, "fusestatic": "false", "discardvisual": "false"})
     compiler.append(Element("lengthrange", mode="none"))
     root.append(compiler)
+
+
+def _largest_range(root: Element) -> float:
+    """The largest number among the ranges of hinges; 0 where there is none."""
+    numbers = [0.0]
+    for section in (*root.iter("worldbody"), *root.iter("default")):
+        for joint in section.iter("joint"):
+            if joint.get("type", "hinge") == "hinge":
+                for word in joint.get("range", "").split():
+                    with contextlib.suppress(ValueError):
+                        numbers.append(abs(float(word)))
+    return max(numbers)
 
 
 def _set_armature(root: Element) -> None:

@@ -19,6 +19,10 @@ from gdg.hands.urdf import CONTINUOUS_RANGE, Mimic
 
 #: Values of the driver at which the loop is closed.
 SWEEP_POINTS = 41
+#: A line through fewer solutions than these would say little.
+MIN_SOLUTIONS = 5
+#: A driver with a narrower range, rad or m, does not move.
+MIN_RANGE = 1e-4
 #: A loop that stays open by more than this, metres, can't be closed there.
 MAX_GAP_M = 1e-3
 #: A passive joint that moves more than this between two values has gone over to another branch of
@@ -74,44 +78,53 @@ def close_loops(
     solver = _Solver(model, moving, couplings)
     found, ranges = dict(couplings), {}
     for loop in _loops(model, moving, solver.fixed_by_others):
-        names = ", ".join(f"'{model.joint_names[j]}'" for j in sorted(loop.joints))
         driver, passive = solver.roles(loop)
-        if driver is None:
-            repairs.append(
-                f"The closed loop of joints {names} has several drivers; it is left open, its "
-                "passive joints without a drive."
-            )
-            continue
-        if not passive:
-            repairs.append(f"The closed loop of joints {names} is left open: all are driven.")
-            continue
-        name = model.joint_names[driver]
-        limits = model.joint_range(driver)
-        if math.isnan(limits[0]):
-            limits = commands.get(name, CONTINUOUS_RANGE)
-        values, solutions = solver.sweep(loop, driver, passive, limits)
-        if len(values) < 3:
-            repairs.append(
-                f"The closed loop of joints {names} can't be closed for any value of '{name}'; it "
-                "is left open."
-            )
-            continue
-        if len(values) < SWEEP_POINTS:
-            ranges[name] = float(values[0]), float(values[-1])
-            repairs.append(
-                f"Joint '{name}': range cut to {values[0]:.4g} to {values[-1]:.4g}, in which its "
-                "closed loop closes."
-            )
-        for column, joint in enumerate(passive):
-            slope, constant = np.polyfit(values, solutions[:, column], 1).round(7).tolist()
-            error = np.abs(solutions[:, column] - slope * values - constant).max()
-            mimic = Mimic(name, slope, constant)
-            found[model.joint_names[joint]] = mimic
-            repairs.append(
-                f"Joint '{model.joint_names[joint]}' is in a closed loop; it now follows '{name}': "
-                f"{law_text(mimic)} (off by at most {error:.2g})."
-            )
+        reason = "its joints are all driven" if driver is not None else "several joints drive it"
+        if driver is not None and passive:
+            name = model.joint_names[driver]
+            limits = model.joint_range(driver)
+            if math.isnan(limits[0]):
+                limits = commands.get(name, CONTINUOUS_RANGE)
+            values, solutions = solver.sweep(loop, driver, passive, limits)
+            if len(values) >= MIN_SOLUTIONS:
+                found |= _followers(model, driver, passive, values, solutions, repairs)
+                if len(values) < SWEEP_POINTS:
+                    ranges[name] = _cut(name, values, repairs)
+                continue
+            reason = f"it closes for no value of '{name}'"
+        names = ", ".join(f"'{model.joint_names[j]}'" for j in sorted(loop.joints))
+        repairs.append(f"The closed loop of joints {names} is left open: {reason}.")
     return Closed(found, ranges)
+
+
+def _followers(
+    model: MjcfModel,
+    driver: int,
+    passive: list[int],
+    values: np.ndarray,
+    solutions: np.ndarray,
+    repairs: list[str],
+) -> dict[str, Mimic]:
+    """The line nearest to each passive joint's curve over the driver's values."""
+    found = {}
+    for column, joint in enumerate(passive):
+        name, curve = model.joint_names[joint], solutions[:, column]
+        slope, constant = np.polyfit(values, curve, 1).round(7).tolist()
+        error = np.abs(curve - slope * values - constant).max()
+        found[name] = Mimic(model.joint_names[driver], slope, constant)
+        repairs.append(
+            f"Joint '{name}' is in a closed loop; it now follows '{found[name].joint}': "
+            f"{law_text(found[name])} (off by at most {error:.2g})."
+        )
+    return found
+
+
+def _cut(name: str, values: np.ndarray, repairs: list[str]) -> tuple[float, float]:
+    lower, upper = float(values[0]), float(values[-1])
+    repairs.append(
+        f"Joint '{name}': range cut to {lower:.4g} to {upper:.4g}, in which its closed loop closes."
+    )
+    return lower, upper
 
 
 def _loops(model: MjcfModel, moving: dict[str, int], fixed_by_others: set[int]) -> Iterator[Loop]:
@@ -203,6 +216,8 @@ class _Solver:
 
         They go on from the model's initial posture without jumps, as the mechanism does.
         """
+        if limits[1] - limits[0] < MIN_RANGE:
+            return np.zeros(0), np.zeros((0, len(passive)))
         values = np.linspace(*limits, SWEEP_POINTS)
         start = float(self.model.raw.qpos0[self._address[driver]])
         middle = int(np.abs(values - start).argmin())

@@ -18,6 +18,21 @@ FREE, BALL, SLIDE, HINGE = "free", "ball", "slide", "hinge"
 JOINT_TYPES = (FREE, BALL, SLIDE, HINGE)
 
 
+#: Arrays of a compiled model and the size up to which their numbers are taken seriously.
+MOST = dict.fromkeys(
+    (
+        "body_pos", "body_ipos", "body_mass", "body_inertia", "geom_pos", "geom_size", "jnt_pos",
+        "mesh_vert", "qpos0", "qpos_spring",
+    ), 1e6,
+) | dict.fromkeys(
+    (
+        "actuator_biasprm", "actuator_ctrlrange", "actuator_forcerange", "actuator_gainprm",
+        "actuator_gear", "body_iquat", "body_quat", "dof_damping", "eq_data", "geom_quat",
+        "jnt_actfrcrange", "jnt_axis", "jnt_range", "jnt_stiffness", "tendon_range", "wrap_prm",
+    ), 1e12,
+)  # fmt: skip
+
+
 class MjcfModel:
     """What the intake asks of a compiled model, whatever the version of MuJoCo.
 
@@ -164,6 +179,15 @@ def load_mujoco(path: Path) -> Any:
         raise GdgError(
             f"{path}: is MJCF, which gdg reads with MuJoCo: pip install 'gdg[mujoco]'"
         ) from error
+
+
+def check_numbers(path: Path, raw: Any) -> None:
+    """Raises a ``GdgError`` where a compiled model holds numbers that no hand's would."""
+    for name, most in MOST.items():
+        values = np.asarray(getattr(raw, name), np.float64)
+        if not (np.abs(values) < most).all():  # false for NaN, too
+            what = name.replace("_", " ")
+            raise GdgError(f"{path}: a number of '{what}' is not finite, or absurdly large.")
 
 
 def pose(position: Any, quat_wxyz: Any = None) -> np.ndarray:

@@ -13,7 +13,7 @@ from gdg.hands.intake.description import Description, Mesh, named
 from gdg.hands.intake.inertials import mend_inertials
 from gdg.hands.intake.mesh_files import unique_name
 from gdg.hands.intake.surfaces import change_shapes, shapes_of, solid, surface
-from gdg.hands.intake.units import check_size, mend_units
+from gdg.hands.intake.units import check_numbers, check_size, mend_units
 from gdg.hands.urdf import Shape
 
 #: Meshes with more faces are thinned ...
@@ -28,6 +28,7 @@ def mend(description: Description) -> Literal["collision", "visual"]:
     Raises:
         GdgError: it has no shapes, or an impossible size.
     """
+    check_numbers(description.urdf)
     mend_units(description)
     _thin_meshes(description)
     role = choose_geometry(description)

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gdg.errors import GdgError
+from gdg.errors import GdgError, raise_if_any
 from gdg.hands.intake.description import Description
 from gdg.hands.intake.surfaces import change_shapes, extents
 from gdg.hands.urdf import Inertial, Joint, Link, Shape, Urdf
@@ -20,6 +20,8 @@ MAX_REACH_M = 10.0
 SUSPECT_M = 0.3
 #: Meshes that are all smaller than this, metres, have been scaled down twice.
 MIN_MESH_M = 1e-3
+#: Numbers above the first, and sizes of shapes below the second, in any unit, are mistakes.
+MAX_NUMBER, MIN_SIZE = 1e6, 1e-9
 #: Sizes between which the whole of a hand is plausible, and possible, metres.
 PLAUSIBLE_M = (0.03, 1.2)
 POSSIBLE_M = (0.005, 5.0)
@@ -42,6 +44,30 @@ def mend_units(description: Description) -> None:
         )
     _mend_large_meshes(description)
     _mend_small_meshes(description)
+
+
+def check_numbers(urdf: Urdf) -> None:
+    """Refuses figures with which no computation would end well.
+
+    Raises:
+        GdgError: lengths, masses or inertias that are absurd, all at once.
+    """
+    mistakes = []
+    for name, link in urdf.links.items():
+        for shape in (*link.collisions, *link.visuals):
+            sizes = np.abs([*shape.size, *shape.T_link_shape[:3, 3]])
+            if sizes.max() > MAX_NUMBER or sizes[: len(shape.size)].min() < MIN_SIZE:
+                mistakes.append(f"link '{name}': a {shape.kind} has an absurd size or place.")
+        inertial = link.inertial
+        if inertial is not None:
+            center = inertial.T_link_center[:3, 3]
+            values = np.abs([inertial.mass, *center, *inertial.inertia.ravel()])
+            if values.max() > MAX_NUMBER:
+                mistakes.append(f"link '{name}': its mass properties are absurdly large.")
+    for name, joint in urdf.joints.items():
+        if np.abs(joint.T_parent_child[:3, 3]).max() > MAX_NUMBER:
+            mistakes.append(f"joint '{name}': it is absurdly far from its parent's origin.")
+    raise_if_any([f"{urdf.path}: {mistake}" for mistake in mistakes])
 
 
 def check_size(description: Description, role: str) -> None:

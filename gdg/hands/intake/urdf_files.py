@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement
@@ -20,6 +21,23 @@ MOUNT_TYPES = ("floating", "planar")
 MAX_TURN_RAD = 4 * math.pi
 #: ... which it does beyond this many degrees.
 MAX_TURN_DEG = 360.0
+
+
+#: Prefixes of elements and attributes, and those that are declared.
+PREFIX = re.compile(rb"(?:</?|\s)([A-Za-z_][\w.-]*):[A-Za-z_]")
+DECLARED = re.compile(rb"xmlns:([\w.-]+)")
+ROBOT = re.compile(rb"<(?:robot|mujoco)\b")
+
+
+def declare_prefixes(data: bytes) -> bytes:
+    """An XML document with a declaration for each prefix that it uses without one.
+
+    Descriptions with extensions (``drake:``) lack it and are no XML then, but most loaders don't
+    mind.
+    """
+    missing = set(PREFIX.findall(data)) - set(DECLARED.findall(data)) - {b"xml", b"xmlns"}
+    names = b"".join(b' xmlns:%s="%s"' % (name, name) for name in sorted(missing))
+    return ROBOT.sub(lambda match: match.group() + names, data, count=1)
 
 
 def urdf_from_xml(
@@ -173,22 +191,23 @@ def _replace_capsule(link: Element, shape: Element, capsule: Element) -> None:
     geometry = shape.find("geometry")
     assert geometry is not None
     geometry.remove(capsule)
+    if _float(length) == 0.0:
+        SubElement(geometry, "sphere", radius=radius)
+        return
     SubElement(geometry, "cylinder", radius=radius, length=length)
     origin = shape.find("origin")
-    xyz = _vector(origin, "xyz")
     roll, pitch, yaw = _vector(origin, "rpy")
     axis = trimesh.transformations.euler_matrix(roll, pitch, yaw, "sxyz")[:3, 2]
-    for sign in (-0.5, 0.5):
-        center = xyz + sign * (_float(length) or 0.0) * axis
-        end = SubElement(link, shape.tag)
-        SubElement(end, "origin", xyz=" ".join(f"{value:.12g}" for value in center))
-        SubElement(SubElement(end, "geometry"), "sphere", radius=radius)
+    for end in (-0.5, 0.5):
+        center = _vector(origin, "xyz") + end * _finite(length) * axis
+        ball = SubElement(link, shape.tag)
+        SubElement(ball, "origin", xyz=" ".join(f"{value:.12g}" for value in center))
+        SubElement(SubElement(ball, "geometry"), "sphere", radius=radius)
 
 
 def _vector(element: Element | None, attribute: str) -> np.ndarray:
-    words = ("" if element is None else element.get(attribute, "")).split()
-    values = [_float(word) or 0.0 for word in words[:3]]
-    return np.array([*values, 0.0, 0.0, 0.0][:3])
+    words = ("" if element is None else element.get(attribute, "")).replace(",", " ").split()
+    return np.array([*map(_finite, words[:3]), 0.0, 0.0, 0.0][:3])
 
 
 def _mend_inertial(link: Element) -> None:
@@ -327,3 +346,9 @@ def _float(text: str) -> float | None:
         return float(text)
     except ValueError:
         return None
+
+
+def _finite(text: str) -> float:
+    """The number, or 0 for what is none: the strict reader names it."""
+    value = _float(text)
+    return value if value is not None and math.isfinite(value) else 0.0

@@ -21,7 +21,8 @@ from gdg.hands.geometry import link_parts
 from gdg.hands.hand import Hand
 from gdg.hands.intake import Intake
 from gdg.hands.propose.closing import Closing, find_closing, inward_of
-from gdg.hands.propose.drives import drive_of
+from gdg.hands.propose.drives import drive_of, plausible
+from gdg.hands.propose.linkages import without_linkages
 from gdg.hands.propose.pads import find_regions
 from gdg.hands.propose.palm import PalmFace, find_palm
 from gdg.hands.propose.postures import Postures, find_postures
@@ -82,10 +83,11 @@ def propose(
         provenance=Provenance(source=intake.source, licence=intake.licence or "unknown"),
     )
     model = build(Hand(folder, draft, urdf, parts, content_hash=""))
+    structure = without_linkages(model, structure)
     prober, grips, closings = _probe(model, structure, torch.Generator().manual_seed(seed))
-    face = find_palm(prober, grips)
+    face = find_palm(prober, grips, closings)
     postures = find_postures(model, grips, closings)
-    regions = find_regions(model, structure, closings, face.normal, postures.open, postures.closed)
+    regions = find_regions(model, structure, closings, face, postures.open, postures.closed)
     drives, stated = _drives(model, intake)
     spec = draft.model_copy(
         update={
@@ -131,9 +133,13 @@ def _drives(model: HandModel, intake: Intake) -> tuple[Drives, dict[str, bool]]:
     found: dict[str, Drive] = {}
     stated: dict[str, bool] = {}
     for name in model.joint_names:
-        estimate, known = drive_of(model, model.hand.urdf.joints[name])
-        found[name] = intake.drives.get(name, estimate)
-        stated[name] = known or name in intake.drives
+        drive, stated[name] = drive_of(model, model.hand.urdf.joints[name])
+        given = intake.drives.get(name, Drive())
+        told = {field: getattr(given, field) for field in given.model_fields_set}
+        if "force_limit" in told and not plausible(model, name, given.force_limit):
+            del told["force_limit"]
+        stated[name] |= "force_limit" in told
+        found[name] = drive.model_copy(update=told)
     common = max(found.values(), key=lambda drive: list(found.values()).count(drive))
     return Drives(default=common, joints={n: d for n, d in found.items() if d != common}), stated
 

@@ -17,7 +17,7 @@ PARALLEL = 0.8
 #: A joint whose axis lies across its finger's last one closes if contacts move this straight.
 STRAIGHT = 0.6
 #: What a range that lies mostly on one side of zero says, against the grips' 1.
-RANGE_SAYS = 0.3
+RANGE_SAYS = 0.5
 #: A joint moves a contact from here on, m/rad or m/m.
 MOVES = 1e-3
 #: Finite differences, as a share of a joint's range.
@@ -75,8 +75,8 @@ def inward_of(prober: Prober, closings: Sequence[Closing]) -> Float[Tensor, "fin
 
 
 def _motions(prober: Prober, grips: Grips) -> list[_Motion]:
-    weights = grips.weights() / grips.weights().sum()
-    placed = prober.place(grips.joints)
+    placed, resting = prober.place(grips.joints), prober.place(prober.rest[None])
+    weights = _weights(prober, grips, placed)
     found = []
     for joint in range(len(prober.hand.joint_names)):
         if not prober.free[joint]:
@@ -96,11 +96,30 @@ def _motions(prober: Prober, grips: Grips) -> list[_Motion]:
                 grips.centers - _at(placed.points, contact), dim=-1
             )
             cosine = (velocity * inward).sum(-1) / speed.clamp(min=MOVES) * moves
-            mean = float(weights @ cosine)
-            agreement = float(weights @ (cosine.sign() == (1 if mean > 0 else -1)).to(cosine))
-            along = float(weights @ _along_last(prober, finger, joint, placed))
+            counts = weights[number]
+            mean = float(counts @ cosine)
+            agreement = float(counts @ (cosine.sign() == (1 if mean > 0 else -1)).to(cosine))
+            along = max(
+                float(counts @ _along_last(prober, finger, joint, placed)),
+                float(_along_last(prober, finger, joint, resting)[0]),
+                key=abs,
+            )
             found.append(_Motion(number, joint, mean, along, agreement))
     return found
+
+
+def _weights(prober: Prober, grips: Grips, placed: Placed) -> list[Float[Tensor, "grip"]]:
+    """Per finger how much each grip counts; they sum to 1.
+
+    A folded finger may hold a ball with its back, a stretched one hardly.
+    """
+    lengths, weights = prober.finger_lengths(), []
+    for finger in range(len(prober.structure.fingers)):
+        contact = grips.contacts[:, finger, None]
+        stretched = prober.reach(placed, finger, contact)[:, 0] / lengths[finger]
+        counts = grips.weights() * stretched.square()
+        weights.append(counts / counts.sum())
+    return weights
 
 
 def _at(vectors: Float[Tensor, "grip point 3"], index: Tensor) -> Float[Tensor, "grip 3"]:

@@ -12,6 +12,7 @@ from jaxtyping import Float
 
 from gdg.hands.geometry import ConvexPart
 from gdg.hands.propose.closing import Closing
+from gdg.hands.propose.palm import PalmFace
 from gdg.hands.propose.regions import Corners, inner_regions
 from gdg.hands.propose.structure import Finger, Structure
 from gdg.kinds.hand_model import HandModel
@@ -36,12 +37,12 @@ def find_regions(
     hand: HandModel,
     structure: Structure,
     closings: Sequence[Closing],
-    palm_normal: Float[np.ndarray, "3"],
+    face: PalmFace,
     opened: Float[np.ndarray, "joint"],
     closed: Float[np.ndarray, "joint"],
 ) -> dict[str, list[Corners]]:
     """Link -> rectangles on its inner side; links without any are left out."""
-    sides = {structure.palm: _Inner(np.asarray(palm_normal, float), _palm_along(palm_normal))}
+    sides = {face.pad: _Inner(face.pad_outward, _flattest_axis(face.pad_outward))}
     for finger in structure.fingers:
         sides.update(_inner_sides(hand, finger, closings, opened, closed))
     Ts_open = _poses(hand, opened)
@@ -56,9 +57,9 @@ def find_regions(
     return regions
 
 
-def _palm_along(normal: Float[np.ndarray, "3"]) -> np.ndarray:
-    """Of the palm link's axes the one that lies flattest in the palm."""
-    return np.eye(3)[np.abs(np.asarray(normal)).argmin()]
+def _flattest_axis(normal: np.ndarray) -> np.ndarray:
+    """Of a link's axes the one that lies flattest in a surface."""
+    return np.eye(3)[np.abs(normal).argmin()]
 
 
 def _poses(hand: HandModel, joints: np.ndarray) -> np.ndarray:

@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from gdg.hands.geometry import ConvexPart
+from gdg.hands.propose.closing import Closing
 from gdg.hands.propose.probe import Grips, Prober
 
 #: Within this angle a normal is taken to be an axis of the palm's or the root's frame, degrees.
 SNAP_DEG = 10.0
+#: The same for hands with a fixed jaw, whose opening is known less well.
+JAW_SNAP_DEG = 25.0
+#: The thinnest direction of a flat palm counts within this angle of where balls rest, degrees.
+FLAT_DEG = 45.0
+#: Fingers are in a row if their summed axes are this long, as a share of their number.
+ROW_SHARE = 0.55
+#: A palm link with fewer surface points says nothing about its thickness.
+LEAST_POINTS = 30
 
 
 @dataclass(frozen=True)
@@ -22,19 +32,25 @@ class PalmFace:
         center: a point on the surface, metres.
         certainty: from 0 to 1.
         reason: one sentence for people.
+        pad: the link that the fingers press against: the palm's, or that of a fixed jaw.
+        pad_outward: unit vector out of the pad's inner side.
     """
 
     normal: np.ndarray
     center: np.ndarray
     certainty: float
     reason: str
+    pad: str
+    pad_outward: np.ndarray
 
 
-def find_palm(prober: Prober, grips: Grips) -> PalmFace:
+def find_palm(prober: Prober, grips: Grips, closings: Sequence[Closing]) -> PalmFace:
     """The side of the palm that balls rest on while all fingers hold them.
 
     The normal is halfway between the palm's own where the balls touch it and the direction to the
-    balls' centres, or the axis of a frame next to it.
+    balls' centres. Hands with fingers in a row have a flat palm, but hold balls at its upper edge
+    or beside the thumb: there the direction in which the palm is thinnest counts, if it is near.
+    An axis of a frame that is next to the result replaces it.
     """
     weights = grips.weights().numpy().astype(np.float64)
     centers = grips.centers.numpy().astype(np.float64)
@@ -46,7 +62,12 @@ def find_palm(prober: Prober, grips: Grips) -> PalmFace:
     nearest = _nearest(centers, points)
     felt = _unit((weights[:, None] * normals[nearest]).sum(0))
     seen = _unit((weights[:, None] * _units(centers - points[nearest])).sum(0))
-    normal = _snapped(_unit(felt + seen), _frame_axes(prober))
+    if len(prober.structure.fingers) == 1:
+        return _of_jaw(prober, grips, felt, int(prober.palm[nearest[0]]))
+    rough = _unit(felt + seen)
+    thin = _thin_axis(prober, rough) if in_a_row(prober, closings) else rough
+    normal = thin if _angle(thin, rough) < FLAT_DEG else rough
+    normal = _snapped(normal, _frame_axes(prober))
     spread = max(_angle(normal, felt), _angle(normal, seen))
     center = _surface_under(prober, np.average(centers, axis=0, weights=weights), normal)
     certainty = float(np.clip(1.0 - spread / 60.0, 0.2, 0.99))
@@ -54,7 +75,31 @@ def find_palm(prober: Prober, grips: Grips) -> PalmFace:
         f"balls that all fingers hold rest on this side of '{prober.structure.palm}'; its surface "
         f"there and the directions to {resting.sum()} balls agree within {spread:.0f} degrees"
     )
-    return PalmFace(normal, center, certainty, reason)
+    return PalmFace(normal, center, certainty, reason, prober.structure.palm, normal)
+
+
+def _of_jaw(prober: Prober, grips: Grips, felt: np.ndarray, touched: int) -> PalmFace:
+    """A single finger closes against a jaw that is part of the palm: the palm faces the opening.
+
+    Args:
+        prober: the hand.
+        grips: all on the palm.
+        felt: normal of the fixed jaw where balls touch it.
+        touched: a surface point there.
+    """
+    finger = prober.structure.fingers[0]
+    joint = prober.hand.hand.urdf.joints[finger.joints[0]]
+    placed = prober.place(grips.joints)
+    weights = grips.weights().numpy().astype(np.float64)
+    middle = np.average(grips.centers.numpy().astype(np.float64), axis=0, weights=weights)
+    base = placed.points[0, prober.palm].mean(0).numpy().astype(np.float64)
+    if joint.type != "prismatic":
+        base = placed.Ts_palm_link[0, prober.first_links[0], :3, 3].numpy().astype(np.float64)
+    outward = middle - base
+    normal = _snapped(_unit(outward - (outward @ felt) * felt), _frame_axes(prober), JAW_SNAP_DEG)
+    pad = prober.hand.link_names[int(prober.hand.surface.link_index[touched])]
+    reason = "a single finger closes against a fixed jaw; the palm faces the opening between them"
+    return PalmFace(normal, _surface_under(prober, middle, normal), 0.5, reason, pad, felt)
 
 
 def _without_shapes(prober: Prober, centers: np.ndarray, weights: np.ndarray) -> PalmFace:
@@ -64,7 +109,8 @@ def _without_shapes(prober: Prober, centers: np.ndarray, weights: np.ndarray) ->
     middle = bases.mean(0)
     normal = _unit((weights[:, None] * _units(centers - middle)).sum(0))
     reason = f"'{prober.structure.palm}' has no shapes; the balls lie on this side of the fingers"
-    return PalmFace(_snapped(normal, _frame_axes(prober)), middle, 0.5, reason)
+    normal = _snapped(normal, _frame_axes(prober))
+    return PalmFace(normal, middle, 0.5, reason, prober.structure.palm, normal)
 
 
 def _palm_surface(prober: Prober) -> tuple[np.ndarray, np.ndarray]:
@@ -77,6 +123,31 @@ def _nearest(centers: np.ndarray, points: np.ndarray) -> np.ndarray:
     return np.linalg.norm(centers[:, None] - points, axis=-1).argmin(1)
 
 
+def in_a_row(prober: Prober, closings: Sequence[Closing]) -> bool:
+    """Whether most fingers close about the same axis the same way, as those of a human hand do."""
+    hand = prober.hand.hand
+    rows = {joint.name: row for row, joint in enumerate(hand.moving_joints)}
+    signs = np.array([closing.sign for closing in closings])
+    Ts, axes = prober.place(prober.rest[None]).Ts_palm_link[0].numpy(), []
+    for finger in prober.structure.fingers:
+        for name in reversed(finger.joints):
+            joint, sign = hand.urdf.joints[name], np.sign(hand.coupling[0][rows[name]] @ signs)
+            if sign and joint.type != "prismatic":
+                rotation = Ts[prober.hand.link_names.index(joint.child), :3, :3]
+                axes.append(sign * rotation.astype(np.float64) @ joint.axis)
+                break
+    return len(axes) >= 3 and np.linalg.norm(np.sum(axes, axis=0)) > ROW_SHARE * len(axes)
+
+
+def _thin_axis(prober: Prober, toward: np.ndarray) -> np.ndarray:
+    """The direction in which the palm is thinnest, on the side of ``toward``."""
+    own = prober.points_of((prober.structure.palm,))
+    chosen = own if len(own) >= LEAST_POINTS else prober.palm
+    points = prober.place(prober.rest[None]).points[0, chosen].numpy().astype(np.float64)
+    axis = np.linalg.eigh(np.cov(points.T))[1][:, 0]
+    return axis if axis @ toward > 0 else -axis
+
+
 def _frame_axes(prober: Prober) -> np.ndarray:
     """Axes of the palm link's and of the root's frame, both ways, in the palm link's frame."""
     root = prober.hand.link_names.index(prober.hand.hand.urdf.root)
@@ -85,9 +156,9 @@ def _frame_axes(prober: Prober) -> np.ndarray:
     return np.concatenate([axes, -axes])
 
 
-def _snapped(normal: np.ndarray, axes: np.ndarray) -> np.ndarray:
+def _snapped(normal: np.ndarray, axes: np.ndarray, within: float = SNAP_DEG) -> np.ndarray:
     best = axes[(axes @ normal).argmax()]
-    return best if _angle(best, normal) < SNAP_DEG else normal
+    return best if _angle(best, normal) < within else normal
 
 
 def _surface_under(prober: Prober, above: np.ndarray, normal: np.ndarray) -> np.ndarray:

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 from jaxtyping import Bool, Float
-from torch import Tensor
 
 from gdg.hands.propose.closing import Closing, spreads
 from gdg.hands.propose.overlaps import Pair, link_overlaps, random_postures

@@ -122,22 +122,31 @@ class Prober:
             self.hand.place(turned, surface.normals, surface.link_index),
         )
 
-    def finger_length(self) -> float:
-        """How far the fingertips get from their fingers' first joints, metres."""
+    def finger_lengths(self) -> Float[Tensor, "finger"]:
+        """How far each fingertip gets from its finger's first joint, metres."""
         share = torch.rand(32, len(self.rest), generator=torch.Generator().manual_seed(0))
         placed = self.place(self._joints(share))
-        base = placed.Ts_palm_link[:, self.first_links, None, :3, 3]
-        return max(
-            float((placed.points[:, tips] - base[:, index]).norm(dim=-1).amax())
-            for index, tips in enumerate(self.tips)
-        )
+        reach = [self.reach(placed, index, tips).amax() for index, tips in enumerate(self.tips)]
+        return torch.stack(reach)
+
+    def reach(self, placed: Placed, finger: int, points: Tensor) -> Float[Tensor, "grip *point"]:
+        """Distances of surface points, (point,) or one per grip, from a finger's first joint.
+
+        One point per grip is given as (grip, 1).
+        """
+        base = placed.Ts_palm_link[:, self.first_links[finger], None, :3, 3]
+        if points.ndim == 1:
+            return (placed.points[:, points] - base).norm(dim=-1)
+        return (placed.points.gather(1, points[..., None].expand(-1, -1, 3)) - base).norm(dim=-1)
 
     def search(self, generator: torch.Generator, count: int = GRIPS, steps: int = STEPS) -> Grips:
         """The best grips found, half of them with the ball on the palm (if that has shapes)."""
-        length = self.finger_length()
+        length = float(self.finger_lengths().max())
         low, high = RADII
         radii = length * low * (high / low) ** torch.rand(count, generator=generator)
-        on_palm = (torch.arange(count) % 2 == 0) & (len(self.palm) > 0)
+        # a single finger has nothing but the palm to hold a ball against
+        one_finger = len(self.tips) == 1
+        on_palm = ((torch.arange(count) % 2 == 0) | one_finger) & (len(self.palm) > 0)
         share = torch.rand(count, len(self.rest), generator=generator)
         bases = self.place(self._joints(share)).Ts_palm_link[:, self.first_links, :3, 3].mean(1)
         centers = bases + 0.5 * length * torch.randn(count, 3, generator=generator)
@@ -228,6 +237,6 @@ def _best_of_each(energy: Tensor, on_palm: Tensor) -> Int[Tensor, "grip"]:
     kept = []
     for flag in (True, False):
         ranked = order[on_palm[order] == flag]
-        kept.append(ranked[: max(1, int(KEPT * len(ranked)))])
+        kept.append(ranked[: int(KEPT * len(ranked))])
     chosen = torch.cat(kept)
     return chosen[energy[chosen].argsort()]

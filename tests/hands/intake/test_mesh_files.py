@@ -9,6 +9,7 @@ import pytest
 from descriptions import box, finger, mesh, write, write_mesh
 
 from gdg.errors import GdgError
+from gdg.geometry.mesh import load_mesh
 from gdg.hands.intake import Intake, take_in
 from gdg.hands.intake.mesh_files import MAX_PARENTS
 from gdg.hands.urdf import read_urdf
@@ -83,12 +84,26 @@ def test_files_of_the_same_name_get_names_of_their_own(tmp_path: Path):
 def test_a_visual_mesh_that_is_lost_or_broken_is_dropped(tmp_path: Path):
     write(tmp_path, "nonsense", "ws/src/acme_description/urdf/broken.stl")
     tip = box() + mesh("lost.stl", "visual") + mesh("broken.stl", "visual")
-    intake = taken(tmp_path, tip + mesh("pretty.glb", "visual"))
+    intake = taken(tmp_path, tip + mesh("pretty.fbx", "visual"))
     assert mesh_names(intake) == [""]
     (said,) = intake.repairs
     assert said.startswith("Dropped visual meshes (for pictures only): link 'tip', mesh 'lost.stl'")
     assert "broken.stl" in said
-    assert "'pretty.glb' is of no format that gdg reads" in said
+    assert said.endswith("; and 1 more.")
+
+
+def test_binary_gltf_is_written_as_stl(tmp_path: Path):
+    write_mesh(tmp_path / "ws/src/acme_description/urdf/tip.glb", 0.04)
+    intake = taken(tmp_path, mesh("tip.glb"))
+    assert mesh_names(intake) == ["meshes/tip.stl"]
+    assert load_mesh(tmp_path / "new/meshes/tip.stl").extents == pytest.approx([0.04] * 3, rel=0.01)
+
+
+@pytest.mark.parametrize("content", [b"", b"glTF", b"glTF\x02\0\0\0" + b"\xff" * 40])
+def test_broken_binary_gltf_is_refused(tmp_path: Path, content: bytes):
+    write(tmp_path, content, "ws/src/acme_description/urdf/tip.glb")
+    with pytest.raises(GdgError, match=r"tip\.glb: cannot be read as a mesh"):
+        taken(tmp_path, mesh("tip.glb"))
 
 
 def test_visual_shapes_stand_in_for_a_lost_collision_mesh(tmp_path: Path):
@@ -130,7 +145,7 @@ def test_a_link_out_of_the_searched_folders_is_not_followed(tmp_path: Path):
 
 def test_only_meshes_are_copied(tmp_path: Path):
     write(tmp_path, "secret", "ws/src/acme_description/urdf/id_rsa")
-    with pytest.raises(GdgError, match="'id_rsa' is of no format that gdg reads"):
+    with pytest.raises(GdgError, match=r"'id_rsa' is none of \.stl"):
         taken(tmp_path, mesh("id_rsa"))
 
 

@@ -157,6 +157,16 @@ def test_angles_in_degrees_are_converted(tmp_path: Path):
     assert urdf.joints["j1"].upper == pytest.approx(math.pi / 2)
 
 
+def test_small_ranges_without_a_unit_are_radians(tmp_path: Path):
+    text = gripper().replace('<compiler angle="radian"/>', "")
+    _, urdf, said = taken(tmp_path, text)
+    assert urdf.joints["j1"].upper == pytest.approx(1.5)
+    assert "The unit of angles is not stated; ranges of at most 1.5 mean radians." in said
+    _, urdf, said = taken(tmp_path, text.replace("0 1.5", "0 90"))
+    assert urdf.joints["j1"].upper == pytest.approx(math.pi / 2)
+    assert said == ""
+
+
 def test_a_hinge_without_a_range_turns_freely_and_a_slide_is_refused(tmp_path: Path):
     _, urdf, said = taken(tmp_path, gripper(first=""))
     assert urdf.joints["j1"].type == "continuous"
@@ -363,6 +373,17 @@ def test_meshes_outside_are_refused(tmp_path: Path):
         rest = f'<asset><mesh name="m" file="{file}"/></asset>'
         text = gripper(tip='<geom type="mesh" mesh="m"/>', rest=rest)
         assert "lies outside" in refusal(tmp_path / "a", text)
+
+
+def test_files_in_the_folders_given_are_read(tmp_path: Path):
+    write_mesh(tmp_path / "elsewhere/tip.stl")
+    rest = '<asset><mesh file="../../elsewhere/tip.stl"/></asset>'
+    text = gripper(tip='<geom type="mesh" mesh="tip"/>', rest=rest)
+    source = write(tmp_path, text, "a/source/hand.xml")
+    with pytest.raises(GdgError, match=r"lies outside .*--packages"):
+        take_in(source, tmp_path / "new", "acme")
+    intake = take_in(source, tmp_path / "new", "acme", package_paths=[tmp_path / "elsewhere"])
+    assert read_urdf(intake.urdf).links["tip"].collisions[0].mesh == "meshes/tip.stl"
 
 
 @pytest.mark.parametrize(

@@ -232,6 +232,15 @@ def test_a_huge_file_is_refused_unread(tmp_path: Path):
         take_in(path, tmp_path / "new", "acme")
 
 
+def test_extensions_without_a_declared_prefix_do_not_matter(tmp_path: Path):
+    extension = '<drake:group name="a" drake:note="b: c"><drake:member link="tip"/></drake:group>'
+    urdf, said = taken(tmp_path, finger().replace("</robot>", extension + "</robot>"))
+    assert list(urdf.links) == ["palm", "proximal", "tip"]
+    assert said == ""
+    xacro = "<robot><xacro:include filename='a'/></robot>"
+    assert "xacro FILE > hand.urdf" in refusal(tmp_path / "other", xacro)
+
+
 def test_a_missing_file_is_named(tmp_path: Path):
     with pytest.raises(GdgError, match=r"lost\.urdf: cannot be read"):
         take_in(tmp_path / "lost.urdf", tmp_path / "new", "acme")

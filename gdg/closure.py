@@ -1,0 +1,70 @@
+"""Closes a hand's fingers until they touch the object."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from gdg.kinds.hand_model import HandModel
+from gdg.objects.model import ObjectModel
+from gdg.rotations import ROOT_DIM
+
+#: Steps from the open to the closed posture; each is some 2 mm at a fingertip.
+STEPS = 64
+#: A link touches from this distance on, metres.
+TOUCH_M = 0.0
+
+
+@torch.no_grad()
+def close_until_touch(
+    hand: HandModel, obj: ObjectModel, q: Float[Tensor, "batch dof"]
+) -> Float[Tensor, "batch dof"]:
+    """q with every finger that is off the object flexed toward the closed posture.
+
+    A joint stops when a link that it moves touches the object, or at the closed posture; joints
+    further out on the same finger go on, as in an underactuated hand. The root, joints that take no
+    part in closing, and joints that touch already or are beyond the closed posture stay.
+    """
+    joints, root = q[:, ROOT_DIM:].clone(), q[:, :ROOT_DIM]
+    goal = hand.closed_posture.expand_as(joints)
+    step = (hand.closed_posture - hand.open_posture) / STEPS
+    moves = moved_links(hand)
+    for _ in range(STEPS):
+        ahead = (goal - joints) * step.sign() > step.abs() / 2
+        free = ahead & ~_held(hand, obj, root, joints, moves)
+        if not free.any():
+            break
+        trial = joints + torch.where(free, step, torch.zeros_like(step))
+        # a joint that would press a link into the object keeps its value
+        joints = torch.where(_held(hand, obj, root, trial, moves), joints, trial)
+    return torch.cat((root, joints), dim=-1)
+
+
+def moved_links(hand: HandModel) -> Bool[Tensor, "joint link"]:
+    """Which links each actuated joint moves relative to the root, mimic joints included."""
+    tree, coupling = hand.hand.urdf, hand.hand.coupling[0]
+    rows = {joint.name: row for row, joint in enumerate(hand.hand.moving_joints)}
+    number = {name: index for index, name in enumerate(hand.link_names)}
+    moves = np.zeros((len(hand.joint_names), len(number)), bool)
+    for joint in tree.joints.values():  # parents before children
+        inherited = moves[:, number[joint.parent]]
+        own = coupling[rows[joint.name]] != 0 if joint.name in rows else False
+        moves[:, number[joint.child]] = inherited | own
+    return torch.as_tensor(moves, device=hand.device)
+
+
+def _held(
+    hand: HandModel,
+    obj: ObjectModel,
+    root: Float[Tensor, "batch root"],
+    joints: Float[Tensor, "batch joint"],
+    moves: Bool[Tensor, "joint link"],
+) -> Bool[Tensor, "batch joint"]:
+    """Which joints move a link that touches the object."""
+    distance = obj.sdf.distance(hand.surface_points(torch.cat((root, joints), dim=-1)))
+    nearest = distance.new_full((len(joints), moves.shape[1]), torch.inf)
+    index = hand.surface.link_index.expand_as(distance)
+    nearest.scatter_reduce_(1, index, distance, "amin")
+    return ((nearest <= TOUCH_M)[:, None] & moves).any(-1)
