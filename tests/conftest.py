@@ -41,6 +41,15 @@ from gdg.objects.model import ObjectModel, find_object  # noqa: E402
 from gdg.registry import get_registry  # noqa: E402
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Adds what is too slow for every run."""
+    parser.addoption(
+        "--every-hand",
+        action="store_true",
+        help="propose manifests for every made-up hand in scrambled frames, too (some minutes)",
+    )
+
+
 def pytest_configure(config: pytest.Config) -> None:
     """Keeps the user's cache, hands, objects and plugins out; the cache outlives the run."""
     assert config.cache is not None

@@ -70,8 +70,7 @@ def create_hand(
             f"place with --out."
         )
     try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=f".{name}-", dir=folder.parent) as partial:
+        with tempfile.TemporaryDirectory(prefix=f".{name}-", dir=_existing(folder)) as partial:
             work = Path(partial) / name
             say(f"reading {source}")
             intake = take_in(source, work, name, root, package_paths)
@@ -82,12 +81,25 @@ def create_hand(
             )
             (work / "README.md").write_text(_readme(source, intake, proposal), encoding="utf-8")
             load_hand(work)
-            if folder.exists():
-                folder.rmdir()
-            shutil.move(work, folder)
+            _move(work, folder)
     except OSError as error:
         raise GdgError(f"{folder}: cannot be written: {error.strerror or error}.") from error
     return NewHand(load_hand(folder), intake, proposal)
+
+
+def _existing(folder: Path) -> Path:
+    """The nearest folder above that exists, which is on the same disk in all likelihood."""
+    return next(above for above in folder.absolute().parents if above.exists())
+
+
+def _move(work: Path, folder: Path) -> None:
+    """Puts a finished folder where none is, or fills the empty one that is there."""
+    if folder.exists():
+        for entry in work.iterdir():
+            shutil.move(entry, folder / entry.name)
+    else:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        shutil.move(work, folder)
 
 
 def name_from(path: Path) -> str:

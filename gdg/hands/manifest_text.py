@@ -20,7 +20,7 @@ def manifest_text(spec: HandSpec, decisions: Sequence[Decision] = ()) -> str:
     about = {decision.subject: decision for decision in decisions}
     lines = [
         f"# {_one_line(spec.title or spec.name)}. Lengths in metres, angles in radians.",
-        *_pairs({"name": spec.name, "title": spec.title, "urdf": spec.urdf}),
+        *_pairs({"name": spec.name, "title": _one_line(spec.title), "urdf": spec.urdf}),
         *_comment("Which shapes of the URDF count: collision or visual."),
         *_pairs({"geometry": spec.geometry, "root_link": spec.root_link}),
         *_palm(spec, about),
@@ -29,7 +29,7 @@ def manifest_text(spec: HandSpec, decisions: Sequence[Decision] = ()) -> str:
         *_self_contacts(spec, about.get("allowed_self_contacts")),
         *_drives(spec, about.get("drives")),
         "provenance:",
-        *_pairs({"source": spec.provenance.source, "licence": spec.provenance.licence}, indent=2),
+        *_pairs({name: _one_line(text) for name, text in spec.provenance}, indent=2),
     ]
     return "\n".join(lines) + "\n"
 
@@ -51,7 +51,8 @@ def _joints(spec: HandSpec, about: Mapping[str, Decision]) -> Iterable[str]:
         yield f"  - {_scalar(joint)}"
         decision = about.get(f"joint {joint}")
         if decision is not None:
-            yield f"    # {_one_line(decision.value)} ({decision.verdict}: {_one_line(decision.reason)})"
+            text = f"{decision.value} ({decision.verdict}: {decision.reason})"
+            yield f"    # {_one_line(text)}"
     yield from _comment("A joint with the same value in open and closed takes no part in closing.")
     yield from _decided(about.get("closed"), 0)
     for which in ("open", "closed"):
@@ -120,13 +121,24 @@ def _pairs(values: Mapping[str, Any], indent: int = 0) -> Iterable[str]:
 
 
 def _scalar(value: Any) -> str:
-    """A value on one line, quoted where YAML needs it."""
+    """A value on one line, quoted where YAML needs it, be it in a list or not."""
     if isinstance(value, (tuple, list)):
         return "[" + ", ".join(_scalar(item) for item in value) + "]"
     if isinstance(value, float):
         return f"{value:.6g}"
-    text = dump_yaml([_one_line(value) if isinstance(value, str) else value])
-    return " ".join(text.removeprefix("- ").split())
+    text = dump_yaml([value]).removeprefix("- ").removesuffix("\n")
+    # YAML breaks long text into lines, and brackets and commas end plain text within a list
+    broken = "\n" in text or (text == value and set(text) & set(",[]{}:?"))
+    return _quoted(value) if isinstance(value, str) and broken else text
+
+
+def _quoted(text: str) -> str:
+    """Text in double quotes on one line."""
+    return '"' + "".join(c if _stands_for_itself(c) else f"\\U{ord(c):08x}" for c in text) + '"'
+
+
+def _stands_for_itself(character: str) -> bool:
+    return character.isprintable() and character not in '"\\'
 
 
 def _one_line(text: str) -> str:

@@ -43,7 +43,7 @@ def new_hand(
     from gdg.testing.fixtures import model_of
     from gdg.testing.hand import inspect
 
-    chosen = name or name_from(source)
+    chosen = name or name_from(out.resolve() if out else source)
     folder = out or Path(chosen)
     made = create_hand(
         source,

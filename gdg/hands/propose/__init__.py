@@ -87,7 +87,7 @@ def propose(
     prober, grips, closings = _probe(model, structure, torch.Generator().manual_seed(seed))
     face = find_palm(prober, grips, closings)
     postures = find_postures(model, grips, closings)
-    regions = find_regions(model, structure, closings, face, postures.open, postures.closed)
+    regions = find_regions(model, structure, face, postures.open, postures.closed)
     drives, stated = _drives(model, intake)
     spec = draft.model_copy(
         update={

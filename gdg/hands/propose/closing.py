@@ -10,7 +10,6 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gdg.hands.propose.probe import Grips, Placed, Prober
-from gdg.hands.propose.structure import Finger
 
 #: Axes count as parallel from this cosine on.
 PARALLEL = 0.8
@@ -18,6 +17,8 @@ PARALLEL = 0.8
 STRAIGHT = 0.6
 #: What a range that lies mostly on one side of zero says, against the grips' 1.
 RANGE_SAYS = 0.5
+#: And what the way from the hand at rest to the balls says.
+REST_SAYS = 0.5
 #: A joint moves a contact from here on, m/rad or m/m.
 MOVES = 1e-3
 #: Finite differences, as a share of a joint's range.
@@ -43,13 +44,23 @@ class Closing:
 
 @dataclass(frozen=True)
 class _Motion:
-    """How one joint moves the contacts of one finger, averaged over grips."""
+    """How one joint moves the contacts of one finger, averaged over grips.
+
+    Attributes:
+        finger: index of the finger.
+        joint: index of the actuated joint.
+        straightness: cosine between the contact's motion and the direction into the ball.
+        along_last: cosine between the joint's axis and that of the tip's drive.
+        agreement: share of grips in which the straightness has the sign of its mean.
+        from_rest: the straightness with the hand at rest and the balls where they are.
+    """
 
     finger: int
     joint: int
     straightness: float
     along_last: float
     agreement: float
+    from_rest: float
 
 
 def find_closing(prober: Prober, grips: Grips) -> tuple[Closing, ...]:
@@ -63,15 +74,9 @@ def find_closing(prober: Prober, grips: Grips) -> tuple[Closing, ...]:
 
 
 def inward_of(prober: Prober, closings: Sequence[Closing]) -> Float[Tensor, "finger"]:
-    """Per finger, the sign in which its last joint presses inward; 0 where nothing is known."""
-    hand = prober.hand.hand
-    rows = {joint.name: row for row, joint in enumerate(hand.moving_joints)}
-    signs = []
-    for finger in prober.structure.fingers:
-        followed = hand.coupling[0][rows[finger.joints[-1]]]
-        pushes = [followed[i] * closing.sign for i, closing in enumerate(closings)]
-        signs.append(float(torch.sign(torch.tensor(sum(pushes)))))
-    return torch.tensor(signs)
+    """Per finger, the sign in which its tip's drive presses inward; 0 where nothing is known."""
+    signs = [0 if drive is None else closings[drive.joint].sign for drive in prober.drives]
+    return torch.tensor(signs, dtype=torch.float32)
 
 
 def _motions(prober: Prober, grips: Grips) -> list[_Motion]:
@@ -85,7 +90,7 @@ def _motions(prober: Prober, grips: Grips) -> list[_Motion]:
         moved = grips.joints.clone()
         moved[:, joint] += step
         after = prober.place(moved)
-        for number, finger in enumerate(prober.structure.fingers):
+        for number in range(len(prober.structure.fingers)):
             contact = grips.contacts[:, number]
             velocity = _at(after.points - placed.points, contact) / step
             speed = velocity.norm(dim=-1)
@@ -100,11 +105,12 @@ def _motions(prober: Prober, grips: Grips) -> list[_Motion]:
             mean = float(counts @ cosine)
             agreement = float(counts @ (cosine.sign() == (1 if mean > 0 else -1)).to(cosine))
             along = max(
-                float(counts @ _along_last(prober, finger, joint, placed)),
-                float(_along_last(prober, finger, joint, resting)[0]),
+                float(counts @ _along_last(prober, number, joint, placed)),
+                float(_along_last(prober, number, joint, resting)[0]),
                 key=abs,
             )
-            found.append(_Motion(number, joint, mean, along, agreement))
+            from_rest = float(counts @ _from_rest(prober, grips, contact, joint, resting))
+            found.append(_Motion(number, joint, mean, along, agreement, from_rest))
     return found
 
 
@@ -113,10 +119,10 @@ def _weights(prober: Prober, grips: Grips, placed: Placed) -> list[Float[Tensor,
 
     A folded finger may hold a ball with its back, a stretched one hardly.
     """
-    lengths, weights = prober.finger_lengths(), []
+    weights = []
     for finger in range(len(prober.structure.fingers)):
         contact = grips.contacts[:, finger, None]
-        stretched = prober.reach(placed, finger, contact)[:, 0] / lengths[finger]
+        stretched = prober.reach(placed, finger, contact)[:, 0] / prober.lengths[finger]
         counts = grips.weights() * stretched.square()
         weights.append(counts / counts.sum())
     return weights
@@ -126,29 +132,39 @@ def _at(vectors: Float[Tensor, "grip point 3"], index: Tensor) -> Float[Tensor, 
     return vectors[torch.arange(len(index)), index]
 
 
-def _along_last(
-    prober: Prober, finger: Finger, joint: int, placed: Placed
+def _from_rest(
+    prober: Prober, grips: Grips, contact: Tensor, joint: int, resting: Placed
 ) -> Float[Tensor, "grip"]:
-    """Cosine between the axis of an actuated joint and that of the finger's last joint.
+    """Cosines between how a joint moves the touching points at rest and the way to the balls."""
+    values = prober.rest[None].clone()
+    step = STEP * float(prober.hand.upper[joint] - prober.hand.lower[joint])
+    values[:, joint] += step
+    velocity = (prober.place(values).points - resting.points)[0, contact]
+    way = grips.centers - resting.points[0, contact]
+    return torch.nn.functional.cosine_similarity(velocity / step, way, dim=-1, eps=MOVES)
 
-    Of a joint outside of the finger, which moves it by coupling, the axis of the first joint of
-    the finger that follows it counts.
+
+def _along_last(prober: Prober, number: int, joint: int, placed: Placed) -> Float[Tensor, "grip"]:
+    """Cosine between the axes about which an actuated joint and the tip's drive move a finger.
+
+    Each moves it by the innermost of the finger's joints that follow it. 0 if only one of them
+    turns the finger.
     """
-    hand = prober.hand.hand
-    coupling = hand.coupling[0]
+    hand, last = prober.hand.hand, prober.drives[number]
+    coupling = hand.coupling[0][:, joint]
     rows = {other.name: row for row, other in enumerate(hand.moving_joints)}
-    following = [name for name in finger.joints if coupling[rows[name], joint] != 0]
-    if not following:
+    finger = prober.structure.fingers[number]
+    following = [hand.urdf.joints[n] for n in finger.joints if coupling[rows[n]] != 0]
+    if last is None or not following:
         return torch.zeros(len(placed.points))
-    ends = [hand.urdf.joints[name] for name in (following[0], finger.joints[-1])]
-    if (ends[0].type == "prismatic") != (ends[1].type == "prismatic"):
+    first, outer = following[0], last.movers[0]
+    if (first.type != "prismatic") != outer.turns:
         return torch.zeros(len(placed.points))
-    axes = []
-    for end in ends:
-        rotation = placed.Ts_palm_link[:, prober.hand.link_names.index(end.child), :3, :3]
-        axes.append(rotation @ torch.tensor(end.axis, dtype=torch.float32))
-    sign = float(torch.sign(torch.tensor(coupling[rows[following[0]], joint])))
-    return sign * (axes[0] * axes[1]).sum(-1)
+    sign = 1.0 if coupling[rows[first.name]] * outer.rate > 0 else -1.0
+    rotations = placed.Ts_palm_link[..., :3, :3]
+    axis = torch.as_tensor(first.axis, dtype=torch.float32)
+    own = rotations[:, prober.hand.link_names.index(first.child)] @ axis
+    return sign * (own * (rotations[:, outer.link] @ outer.axis)).sum(-1)
 
 
 def _finger_signs(prober: Prober, motions: Sequence[_Motion]) -> dict[int, float]:
@@ -158,6 +174,7 @@ def _finger_signs(prober: Prober, motions: Sequence[_Motion]) -> dict[int, float
         if abs(motion.along_last) >= PARALLEL:
             side = 1.0 if motion.along_last > 0 else -1.0
             vote = motion.straightness + RANGE_SAYS * _lean(prober, motion.joint)
+            vote += REST_SAYS * motion.from_rest
             votes[motion.finger] = votes.get(motion.finger, 0.0) + side * vote
     return votes
 
@@ -196,7 +213,7 @@ def _presses_anyway(prober: Prober, motion: _Motion) -> bool:
 
 def spreads(lower: float, upper: float) -> bool:
     """Whether a range is that of a joint which swings a finger both ways from its middle."""
-    return abs(upper + lower) < 0.4 * (upper - lower) < 0.8
+    return bool(abs(upper + lower) < 0.4 * (upper - lower) < 0.8)
 
 
 def _certainty(motion: _Motion, vote: float) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import torch
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from gdg.hands.propose.overlaps import random_postures
 from gdg.hands.propose.structure import Finger, Structure
@@ -21,8 +21,8 @@ def without_linkages(hand: HandModel, structure: Structure) -> Structure:
     """The structure without subtrees that are bars of another finger's linkage.
 
     A four-bar finger comes as two subtrees of the palm, since a tree holds no loop: the finger and
-    the bar that keeps it parallel. The bar has one joint, moved by the finger's own drive, and its far
-    end stays on the finger whatever the posture.
+    the bar that keeps it parallel. The bar has one joint, moved by the finger's own drive, and its
+    far end stays on the finger whatever the posture.
     """
     points = hand.place_surface(hand.link_poses_in_root(random_postures(hand, POSTURES)))
     drives = {finger: _drives_of(hand, finger) for finger in structure.fingers}
@@ -50,7 +50,7 @@ def _pinned(hand: HandModel, points: torch.Tensor, bar: Finger, finger: Finger) 
     own, other = (_points_of(hand, which.links) for which in (bar, finger))
     if not len(own) or not len(other):
         return False
-    gaps = [float(cKDTree(p[other].numpy()).query(p[own].numpy())[0].min()) for p in points]
+    gaps = [float(KDTree(p[other].numpy()).query(p[own].numpy())[0].min()) for p in points]
     return max(gaps) < PINNED_M
 
 

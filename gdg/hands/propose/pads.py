@@ -11,7 +11,6 @@ import trimesh
 from jaxtyping import Float
 
 from gdg.hands.geometry import ConvexPart
-from gdg.hands.propose.closing import Closing
 from gdg.hands.propose.palm import PalmFace
 from gdg.hands.propose.regions import Corners, inner_regions
 from gdg.hands.propose.structure import Finger, Structure
@@ -21,6 +20,9 @@ from gdg.kinds.hand_model import HandModel
 LEAST_SPEED = 1e-3
 #: Step of the finite differences, as a share of the way from open to closed.
 STEP = 1e-3
+#: A link bends inward if it turns by this share of what its own joint does; pads that a linkage
+#: keeps parallel don't turn at all.
+BENDS = 0.3
 #: Where between open and closed the hand is looked at.
 HALFWAY = 0.5
 
@@ -36,7 +38,6 @@ class _Inner:
 def find_regions(
     hand: HandModel,
     structure: Structure,
-    closings: Sequence[Closing],
     face: PalmFace,
     opened: Float[np.ndarray, "joint"],
     closed: Float[np.ndarray, "joint"],
@@ -44,7 +45,7 @@ def find_regions(
     """Link -> rectangles on its inner side; links without any are left out."""
     sides = {face.pad: _Inner(face.pad_outward, _flattest_axis(face.pad_outward))}
     for finger in structure.fingers:
-        sides.update(_inner_sides(hand, finger, closings, opened, closed))
+        sides.update(_inner_sides(hand, finger, opened, closed))
     Ts_open = _poses(hand, opened)
     regions: dict[str, list[Corners]] = {}
     for link, inner in sides.items():
@@ -70,7 +71,6 @@ def _poses(hand: HandModel, joints: np.ndarray) -> np.ndarray:
 def _inner_sides(
     hand: HandModel,
     finger: Finger,
-    closings: Sequence[Closing],
     opened: np.ndarray,
     closed: np.ndarray,
 ) -> dict[str, _Inner]:
@@ -95,31 +95,35 @@ def _inner_sides(
         while mover.type == "fixed":
             mover = joint_above[mover.parent]
         moved = moved[:3] @ T[:3, :3]
-        own, origin = _own_motion(hand, closings, mover.name, T, Ts, center)
+        spin, origin = _own_turn(hand, mover.name, T, Ts, closed - opened)
+        own, turned = np.cross(spin, center - origin), _turned(T, Ts_after[number]) / STEP
         if np.linalg.norm(moved) < LEAST_SPEED * np.abs(closed - opened).max():
             continue
-        outward = own if own @ moved > 0 and np.linalg.norm(own) > LEAST_SPEED else moved
+        bends = own @ moved > 0 and turned @ spin > BENDS * spin @ spin
+        outward = own if bends else moved
         sides[link] = _Inner(outward / np.linalg.norm(outward), center - origin)
     return sides
 
 
-def _own_motion(
-    hand: HandModel,
-    closings: Sequence[Closing],
-    mover: str,
-    T_root_link: np.ndarray,
-    Ts: np.ndarray,
-    center: np.ndarray,
+def _own_turn(
+    hand: HandModel, mover: str, T_root_link: np.ndarray, Ts: np.ndarray, change: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """How a link's own joint moves its middle when closing, and the joint's origin; link frame."""
+    """How far a link's own joint turns it, and the joint's origin; link frame.
+
+    The turn is a vector along the axis, radians per way from open to closed; zero for a joint that
+    slides or stays.
+    """
     joint = hand.hand.urdf.joints[mover]
     rows = {other.name: row for row, other in enumerate(hand.hand.moving_joints)}
-    follows = hand.hand.coupling[0][rows[mover]]
-    sign = np.sign(sum(follows[i] * closing.sign for i, closing in enumerate(closings)))
     T_link_child = np.linalg.inv(T_root_link) @ Ts[hand.link_names.index(joint.child)]
-    axis, origin = T_link_child[:3, :3] @ joint.axis, T_link_child[:3, 3]
-    motion = axis if joint.type == "prismatic" else np.cross(axis, center - origin)
-    return sign * motion, origin
+    angle = 0.0 if joint.type == "prismatic" else float(hand.hand.coupling[0][rows[mover]] @ change)
+    return angle * T_link_child[:3, :3] @ joint.axis, T_link_child[:3, 3]
+
+
+def _turned(T_before: np.ndarray, T_after: np.ndarray) -> np.ndarray:
+    """The small rotation from one pose to another as a vector in the first one's frame, radians."""
+    difference = T_before[:3, :3].T @ T_after[:3, :3]
+    return np.array([difference[2, 1], difference[0, 2], difference[1, 0]])
 
 
 def _middle_of(parts: Sequence[ConvexPart]) -> np.ndarray:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import torch
 
 from gdg.hands.geometry import ConvexPart
 from gdg.hands.propose.closing import Closing
@@ -19,6 +20,8 @@ JAW_SNAP_DEG = 25.0
 FLAT_DEG = 45.0
 #: Fingers are in a row if their summed axes are this long, as a share of their number.
 ROW_SHARE = 0.55
+#: Grips are as good as the best up to this energy above it; fewer of them say nothing.
+AS_GOOD, FEW = 1.0, 3
 #: A palm link with fewer surface points says nothing about its thickness.
 LEAST_POINTS = 30
 
@@ -48,7 +51,7 @@ def find_palm(prober: Prober, grips: Grips, closings: Sequence[Closing]) -> Palm
     """The side of the palm that balls rest on while all fingers hold them.
 
     The normal is halfway between the palm's own where the balls touch it and the direction to the
-    balls' centres. Hands with fingers in a row have a flat palm, but hold balls at its upper edge
+    balls' centres, or the way from the palm's middle to balls that don't reach it. Hands with fingers in a row have a flat palm, but hold balls at its upper edge
     or beside the thumb: there the direction in which the palm is thinnest counts, if it is near.
     An axis of a frame that is next to the result replaces it.
     """
@@ -57,13 +60,17 @@ def find_palm(prober: Prober, grips: Grips, closings: Sequence[Closing]) -> Palm
     points, normals = _palm_surface(prober)
     if len(points) == 0:
         return _without_shapes(prober, centers, weights)
-    resting = grips.on_palm.numpy()
+    resting = _resting(grips)
+    reached = resting.any()
+    resting = resting | ~reached
     weights, centers = weights[resting], centers[resting]
     nearest = _nearest(centers, points)
     felt = _unit((weights[:, None] * normals[nearest]).sum(0))
     seen = _unit((weights[:, None] * _units(centers - points[nearest])).sum(0))
     if len(prober.structure.fingers) == 1:
         return _of_jaw(prober, grips, felt, int(prober.palm[nearest[0]]))
+    if not reached:
+        felt = seen = _unit(np.average(centers - points.mean(0), axis=0, weights=weights))
     rough = _unit(felt + seen)
     thin = _thin_axis(prober, rough) if in_a_row(prober, closings) else rough
     normal = thin if _angle(thin, rough) < FLAT_DEG else rough
@@ -76,6 +83,16 @@ def find_palm(prober: Prober, grips: Grips, closings: Sequence[Closing]) -> Palm
         f"there and the directions to {resting.sum()} balls agree within {spread:.0f} degrees"
     )
     return PalmFace(normal, center, certainty, reason, prober.structure.palm, normal)
+
+
+def _resting(grips: Grips) -> np.ndarray:
+    """Which grips have the ball on the palm.
+
+    None if hardly any is about as good as the best one off the palm, as with grippers whose jaws
+    don't reach back to it.
+    """
+    good = grips.on_palm & (grips.energy < grips.energy.min() + AS_GOOD)
+    return (good if int(good.sum()) >= FEW else torch.zeros_like(good)).numpy()
 
 
 def _of_jaw(prober: Prober, grips: Grips, felt: np.ndarray, touched: int) -> PalmFace:
@@ -136,7 +153,8 @@ def in_a_row(prober: Prober, closings: Sequence[Closing]) -> bool:
                 rotation = Ts[prober.hand.link_names.index(joint.child), :3, :3]
                 axes.append(sign * rotation.astype(np.float64) @ joint.axis)
                 break
-    return len(axes) >= 3 and np.linalg.norm(np.sum(axes, axis=0)) > ROW_SHARE * len(axes)
+    aligned = float(np.linalg.norm(np.sum(axes, axis=0))) if axes else 0.0
+    return len(axes) >= 3 and aligned > ROW_SHARE * len(axes)
 
 
 def _thin_axis(prober: Prober, toward: np.ndarray) -> np.ndarray:

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+from gdg.hands.propose.bending import tip_drive
 from gdg.hands.propose.structure import Structure
 from gdg.kinds.hand_model import HandModel
 
@@ -27,9 +27,12 @@ GAP_SCALE_M = 0.006
 LEAST_SHARE = 0.3
 #: Steps of Adam: on joints as a share of their range, on balls as a share of the longest finger.
 JOINT_STEP, BALL_STEP, SHARE_STEP = 0.03, 0.03, 0.05
+#: A joint with a larger range turns all the way round; it is searched this far from zero, rad.
+WHOLE_TURN, WIDEST = 5.5, 1.9
 #: Weights of the terms beside touching: the touching face looks at the ball; the finger's last
-#: joint presses it there; forces balance; nothing is inside the ball; links stay apart.
-FACING, BENDING, BALANCE, INSIDE, SELF = 1.0, 1.0, 4.0, 1.0, 0.3
+#: joint presses it there; the finger isn't folded, for then it would hold the ball with its back;
+#: forces balance; nothing is inside the ball; links stay apart.
+FACING, BENDING, STRETCHED, BALANCE, INSIDE, SELF = 1.0, 1.0, 1.0, 4.0, 1.0, 0.3
 
 
 @dataclass(frozen=True)
@@ -80,7 +83,7 @@ class Prober:
         structure: palm and fingers; every finger has to touch.
         free: which joints may move; the others stay at ``rest``.
         rest: posture of the joints that stay.
-        inward: per finger which way its last joint presses (the sign of its value), 0 if unknown.
+        inward: per finger which way its tip's drive presses (the sign of its value), 0 if unknown.
     """
 
     def __init__(
@@ -99,10 +102,9 @@ class Prober:
         self.tips = [self.points_of(finger.distal) for finger in fingers]
         self.palm = self.points_of(structure.palm_body)
         self.first_links = [number[hand.hand.urdf.joints[f.joints[0]].child] for f in fingers]
-        last = [hand.hand.urdf.joints[finger.joints[-1]] for finger in fingers]
-        self._last = [number[joint.child] for joint in last]
-        self._axes = torch.tensor(np.stack([joint.axis for joint in last]), dtype=torch.float32)
-        self._turns = [joint.type != "prismatic" for joint in last]
+        self.drives = [tip_drive(hand, finger) for finger in fingers]
+        self._lower, self._upper = _searched(hand)
+        self.lengths = self._finger_lengths()
 
     def points_of(self, links: tuple[str, ...]) -> Int[Tensor, "point"]:
         """Surface points that lie on some links."""
@@ -122,13 +124,6 @@ class Prober:
             self.hand.place(turned, surface.normals, surface.link_index),
         )
 
-    def finger_lengths(self) -> Float[Tensor, "finger"]:
-        """How far each fingertip gets from its finger's first joint, metres."""
-        share = torch.rand(32, len(self.rest), generator=torch.Generator().manual_seed(0))
-        placed = self.place(self._joints(share))
-        reach = [self.reach(placed, index, tips).amax() for index, tips in enumerate(self.tips)]
-        return torch.stack(reach)
-
     def reach(self, placed: Placed, finger: int, points: Tensor) -> Float[Tensor, "grip *point"]:
         """Distances of surface points, (point,) or one per grip, from a finger's first joint.
 
@@ -141,14 +136,15 @@ class Prober:
 
     def search(self, generator: torch.Generator, count: int = GRIPS, steps: int = STEPS) -> Grips:
         """The best grips found, half of them with the ball on the palm (if that has shapes)."""
-        length = float(self.finger_lengths().max())
+        length = float(self.lengths.max())
         low, high = RADII
         radii = length * low * (high / low) ** torch.rand(count, generator=generator)
         # a single finger has nothing but the palm to hold a ball against
         one_finger = len(self.tips) == 1
         on_palm = ((torch.arange(count) % 2 == 0) | one_finger) & (len(self.palm) > 0)
         share = torch.rand(count, len(self.rest), generator=generator)
-        bases = self.place(self._joints(share)).Ts_palm_link[:, self.first_links, :3, 3].mean(1)
+        start = self.place(self._joints(share)).Ts_palm_link
+        bases = start[:, self.first_links, :3, 3].mean(1)
         centers = bases + 0.5 * length * torch.randn(count, 3, generator=generator)
         forces = torch.zeros(count, len(self.tips) + 1)
         leaves = [leaf.detach().requires_grad_(True) for leaf in (share, centers, forces)]
@@ -157,7 +153,7 @@ class Prober:
         optimiser = torch.optim.Adam(groups)
         schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, steps)
         for _ in range(steps):
-            energy, _ = self._energy(*leaves, radii, on_palm)
+            energy, _ = self._energy(leaves, radii, on_palm)
             optimiser.zero_grad()
             energy.sum().backward()
             optimiser.step()
@@ -165,7 +161,7 @@ class Prober:
             with torch.no_grad():
                 leaves[0].clamp_(0.0, 1.0)
         with torch.no_grad():
-            energy, contacts = self._energy(*leaves, radii, on_palm)
+            energy, contacts = self._energy(leaves, radii, on_palm)
             kept = _best_of_each(energy, on_palm)
             joints = self._joints(leaves[0])[kept]
             return Grips(
@@ -173,13 +169,21 @@ class Prober:
                 energy[kept],
             )  # fmt: skip
 
+    def _finger_lengths(self) -> Float[Tensor, "finger"]:
+        """How far each fingertip gets from its finger's first joint, metres."""
+        share = torch.rand(32, len(self.rest), generator=torch.Generator().manual_seed(0))
+        placed = self.place(self._joints(share))
+        reach = [self.reach(placed, index, tips).amax() for index, tips in enumerate(self.tips)]
+        return torch.stack(reach)
+
     def _joints(self, share: Float[Tensor, "grip joint"]) -> Float[Tensor, "grip joint"]:
-        lower, upper = self.hand.lower, self.hand.upper
-        return torch.where(self.free, lower + share * (upper - lower), self.rest)
+        values = self._lower + share * (self._upper - self._lower)
+        return torch.where(self.free, values, self.rest)
 
     def _energy(
-        self, share: Tensor, centers: Tensor, forces: Tensor, radii: Tensor, on_palm: Tensor
+        self, leaves: list[Tensor], radii: Tensor, on_palm: Tensor
     ) -> tuple[Float[Tensor, "grip"], Int[Tensor, "grip finger"]]:
+        share, centers, forces = leaves
         placed = self.place(self._joints(share))
         offset = centers[:, None] - placed.points
         distance = offset.norm(dim=-1).clamp(min=1e-9)
@@ -192,7 +196,9 @@ class Prober:
             presses = (self._bending(finger, placed) * inward[:, points]).sum(-1)
             sign = self.inward[finger]
             aligned = presses.square() if sign == 0 else sign * presses
-            least, index = (cost[:, points] + BENDING * (1 - aligned)).min(-1)
+            folded = 1 - self.reach(placed, finger, points) / self.lengths[finger]
+            pressing = BENDING * (1 - aligned) + STRETCHED * folded
+            least, index = (cost[:, points] + pressing).min(-1)
             touch.append(least)
             contacts.append(points[index])
             directions.append(_chosen(inward, contacts[-1]))
@@ -212,19 +218,25 @@ class Prober:
         return energy, torch.stack(contacts, 1)
 
     def _bending(self, finger: int, placed: Placed) -> Float[Tensor, "grip point 3"]:
-        """Unit directions in which a finger's outermost joint moves the points of its tip."""
-        points = placed.points[:, self.tips[finger]]
-        T = placed.Ts_palm_link[:, self._last[finger]]
-        axis = (T[:, :3, :3] @ self._axes[finger])[:, None].expand_as(points)
-        if self._turns[finger]:
-            axis = torch.linalg.cross(axis, points - T[:, None, :3, 3])
-        return torch.nn.functional.normalize(axis, dim=-1)
+        """Unit directions in which a finger's drive moves the points of its tip."""
+        drive, points = self.drives[finger], placed.points[:, self.tips[finger]]
+        if drive is None:
+            return torch.zeros_like(points)
+        velocity = drive.velocity(placed.Ts_palm_link, points)
+        return torch.nn.functional.normalize(velocity, dim=-1)
 
     def _shares(self, forces: Tensor) -> Float[Tensor, "grip finger_or_palm"]:
         """Shares of the closing force: each finger has a least one, the palm has none."""
         least = torch.full_like(forces, LEAST_SHARE / len(self.tips))
         least[:, -1] = 0
         return least + (1 - LEAST_SHARE) * torch.softmax(forces, -1)
+
+
+def _searched(hand: HandModel) -> tuple[Float[Tensor, "joint"], Float[Tensor, "joint"]]:
+    """The ranges that are searched: of joints that turn all the way round, a part about zero."""
+    around = hand.upper - hand.lower > WHOLE_TURN
+    widest = torch.full_like(hand.upper, WIDEST)
+    return torch.where(around, -widest, hand.lower), torch.where(around, widest, hand.upper)
 
 
 def _chosen(vectors: Float[Tensor, "grip point 3"], index: Int[Tensor, "grip"]) -> Tensor:

@@ -19,8 +19,9 @@ MAX_GAP_M = 0.001
 MIN_SIDES_M = (0.003, 0.004)
 #: At most this many per link; a later one must have this share of the first one's area.
 MAX_REGIONS, MIN_SHARE = 4, 0.15
-#: Spikes of the surface higher than this end a rectangle, metres.
-HIDDEN_M = 0.002
+#: A neighbour covers the surface if it stands higher than this above it, metres; convex parts of
+#: meshes bulge by about a millimetre.
+COVERED_M = 1.5e-3
 
 Corners = tuple[tuple[float, ...], ...]
 
@@ -49,7 +50,6 @@ def inner_regions(
     outward: np.ndarray,
     along: np.ndarray,
     obstacles: Sequence[ConvexPart] = (),
-    within: np.ndarray | None = None,
 ) -> list[Corners]:
     """Rectangles on the side of a link that looks in a direction, the largest first.
 
@@ -61,12 +61,11 @@ def inner_regions(
         outward: unit vector out of the inner side, link frame.
         along: direction of the rectangles' sides, e.g. that of the phalanx; not along ``outward``.
         obstacles: shapes of neighbours, moved into the link's frame, that may cover the surface.
-        within: (2, 3) a box around what may be used, link frame, metres.
 
     Returns:
         Four corners each, link frame, metres, counter-clockwise seen from outside.
     """
-    relief = _relief(parts, _axes(outward, along), obstacles, within)
+    relief = _relief(parts, _axes(outward, along), obstacles)
     free, regions, first = relief.usable.copy(), [], 0.0
     for _ in range(MAX_REGIONS):
         found = _largest(relief, free)
@@ -95,22 +94,16 @@ def _relief(
     parts: Sequence[ConvexPart],
     axes: np.ndarray,
     obstacles: Sequence[ConvexPart],
-    within: np.ndarray | None,
 ) -> _Relief:
     corners = np.concatenate([part.mesh.vertices for part in parts]) @ axes.T
     low, high = corners.min(0), corners.max(0)
-    if within is not None:
-        box = np.array(np.meshgrid(*within.T)).reshape(3, -1).T @ axes.T
-        low, high = np.maximum(low, box.min(0)), np.minimum(high, box.max(0))
     step = max(MIN_STEP_M, float((high - low)[:2].max()) / LINES)
     rows, columns = (np.arange(low[i] + step / 4, high[i], step) for i in (0, 1))
     grid = np.stack(np.meshgrid(rows, columns, indexing="ij"), -1).reshape(-1, 2)
     heights, tilt = _first_hits(parts, axes, grid)
     covered = _first_hits(obstacles, axes, grid)[0] if len(obstacles) else np.full_like(heights, -9)
     usable = np.isfinite(heights) & (tilt > np.cos(np.radians(MAX_TILT_DEG)))
-    usable &= ~(np.nan_to_num(covered, nan=-9.0) > np.nan_to_num(heights) - 1e-4)
-    if within is not None:
-        usable &= (heights > box.min(0)[2]) & (heights < box.max(0)[2])
+    usable &= ~(np.nan_to_num(covered, nan=-9.0) > np.nan_to_num(heights) + COVERED_M)
     shape = len(rows), len(columns)
     return _Relief(heights.reshape(shape), usable.reshape(shape), rows, columns, axes)
 
