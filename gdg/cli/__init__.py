@@ -10,6 +10,7 @@ import click
 
 import gdg
 from gdg.errors import GdgError
+from gdg.text import one_line
 
 #: Subcommand -> "module:command", in the order of ``gdg --help``.
 COMMANDS = {
@@ -67,7 +68,7 @@ def main() -> None:
         cli(standalone_mode=False)
     except GdgError as error:
         for line in str(error).splitlines():
-            click.echo(f"Error: {line}", err=True)
+            click.echo(f"Error: {one_line(line)}", err=True)
         sys.exit(2)
     except click.ClickException as error:
         error.show()

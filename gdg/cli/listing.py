@@ -8,6 +8,7 @@ import click
 
 from gdg.errors import GdgError
 from gdg.folders import FolderKind, FoundFolder
+from gdg.text import one_line
 
 
 def print_folders(kind: FolderKind, describe: Callable[[FoundFolder], str]) -> None:
@@ -18,7 +19,7 @@ def print_folders(kind: FolderKind, describe: Callable[[FoundFolder], str]) -> N
         try:
             text = describe(folder)
         except GdgError as error:
-            text = f"BROKEN: {str(error).splitlines()[0]}"
+            text = f"BROKEN: {one_line(str(error).splitlines()[0])}"
         hidden = f"  (hides {', '.join(map(str, folder.shadows))})" if folder.shadows else ""
         twice = f"  (TWICE: also {folder.twins[0]})" if folder.twins else ""
         click.echo(f"{name:<{width}}  {folder.tier:<11}  {text}{hidden}{twice}")

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 import shutil
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from gdg.errors import GdgError
+from gdg.errors import GdgError, GdgErrors
 from gdg.hands.hand import Hand, load_hand
 from gdg.hands.intake import Intake, take_in
 from gdg.hands.manifest_text import manifest_text
@@ -75,12 +76,13 @@ def create_hand(
             say(f"reading {source}")
             intake = take_in(source, work, name, root, package_paths)
             say("gripping balls with it")
-            proposal = propose(work, name, intake, build)
-            (work / MANIFEST).write_text(
-                manifest_text(proposal.spec, proposal.decisions), encoding="utf-8"
-            )
-            (work / "README.md").write_text(_readme(source, intake, proposal), encoding="utf-8")
-            load_hand(work)
+            with _naming(source, work):
+                proposal = propose(work, name, intake, build)
+                (work / MANIFEST).write_text(
+                    manifest_text(proposal.spec, proposal.decisions), encoding="utf-8"
+                )
+                (work / "README.md").write_text(_readme(source, intake, proposal), encoding="utf-8")
+                load_hand(work)
             _move(work, folder)
     except OSError as error:
         raise GdgError(f"{folder}: cannot be written: {error.strerror or error}.") from error
@@ -90,6 +92,18 @@ def create_hand(
 def _existing(folder: Path) -> Path:
     """The nearest folder above that exists, which is on the same disk in all likelihood."""
     return next(above for above in folder.absolute().parents if above.exists())
+
+
+@contextlib.contextmanager
+def _naming(source: Path, work: Path) -> Iterator[None]:
+    """Refusals name the user's file instead of those made from it, which are gone by then."""
+    try:
+        yield
+    except GdgError as error:
+        told = error.messages if isinstance(error, GdgErrors) else (str(error),)
+        urdf = str(work / f"{work.name}.urdf")
+        messages = [text.replace(urdf, str(source)).replace(f"{work}/", "") for text in told]
+        raise GdgErrors(messages) from error
 
 
 def _move(work: Path, folder: Path) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 
 from gdg.hands.decisions import Decision
 from gdg.hands.spec import Drive, HandSpec
+from gdg.text import one_line
 from gdg.yaml_files import dump_yaml
 
 
@@ -19,8 +20,8 @@ def manifest_text(spec: HandSpec, decisions: Sequence[Decision] = ()) -> str:
     """
     about = {decision.subject: decision for decision in decisions}
     lines = [
-        f"# {_one_line(spec.title or spec.name)}. Lengths in metres, angles in radians.",
-        *_pairs({"name": spec.name, "title": _one_line(spec.title), "urdf": spec.urdf}),
+        f"# {one_line(spec.title or spec.name)}. Lengths in metres, angles in radians.",
+        *_pairs({"name": spec.name, "title": one_line(spec.title), "urdf": spec.urdf}),
         *_comment("Which shapes of the URDF count: collision or visual."),
         *_pairs({"geometry": spec.geometry, "root_link": spec.root_link}),
         *_palm(spec, about),
@@ -29,7 +30,7 @@ def manifest_text(spec: HandSpec, decisions: Sequence[Decision] = ()) -> str:
         *_self_contacts(spec, about.get("allowed_self_contacts")),
         *_drives(spec, about.get("drives")),
         "provenance:",
-        *_pairs({name: _one_line(text) for name, text in spec.provenance}, indent=2),
+        *_pairs({name: one_line(text) for name, text in spec.provenance}, indent=2),
     ]
     return "\n".join(lines) + "\n"
 
@@ -52,7 +53,7 @@ def _joints(spec: HandSpec, about: Mapping[str, Decision]) -> Iterable[str]:
         decision = about.get(f"joint {joint}")
         if decision is not None:
             text = f"{decision.value} ({decision.verdict}: {decision.reason})"
-            yield f"    # {_one_line(text)}"
+            yield f"    # {one_line(text)}"
     yield from _comment("A joint with the same value in open and closed takes no part in closing.")
     yield from _decided(about.get("closed"), 0)
     for which in ("open", "closed"):
@@ -108,7 +109,7 @@ def _drive(drive: Drive) -> str:
 
 def _decided(decision: Decision | None, indent: int) -> Iterable[str]:
     if decision is not None:
-        yield f"{' ' * indent}# {decision.verdict}: {_one_line(decision.reason)}"
+        yield f"{' ' * indent}# {decision.verdict}: {one_line(decision.reason)}"
 
 
 def _comment(text: str) -> Iterable[str]:
@@ -139,8 +140,3 @@ def _quoted(text: str) -> str:
 
 def _stands_for_itself(character: str) -> bool:
     return character.isprintable() and character not in '"\\'
-
-
-def _one_line(text: str) -> str:
-    """Text without line breaks or other control characters, which could end a comment."""
-    return " ".join("".join(c if c.isprintable() else " " for c in text).split())

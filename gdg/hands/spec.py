@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import unicodedata
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Literal
@@ -32,6 +33,13 @@ def _unit(vector: tuple[float, float, float]) -> tuple[float, float, float]:
     return (vector[0] / norm, vector[1] / norm, vector[2] / norm)
 
 
+def _plain(text: str) -> str:
+    if any(unicodedata.category(c) == "Cc" and c not in "\n\t" for c in text):
+        raise ValueError("must not hold control characters, which terminals would obey")
+    return text
+
+
+Plain = Annotated[str, AfterValidator(_plain)]
 Finite = Annotated[float, AfterValidator(_finite)]
 Point = tuple[Finite, Finite, Finite]
 UnitVector = Annotated[Point, AfterValidator(_unit)]
@@ -50,7 +58,7 @@ class Palm(_Section):
         center: a point on the palm's surface, metres.
     """
 
-    link: str
+    link: Plain
     normal: UnitVector
     center: Point
 
@@ -73,7 +81,7 @@ class Drives(_Section):
     """Default drive and exceptions by joint."""
 
     default: Drive = Drive()
-    joints: dict[str, Drive] = {}
+    joints: dict[Plain, Drive] = {}
 
     def of(self, joint: str) -> Drive:
         """The drive of one joint."""
@@ -83,8 +91,8 @@ class Drives(_Section):
 class Provenance(_Section):
     """Where the figures come from and on what terms."""
 
-    source: str
-    licence: str
+    source: Plain
+    licence: Plain
 
 
 def _area(corners: tuple[Point, Point, Point, Point]) -> tuple[Point, Point, Point, Point]:
@@ -126,16 +134,16 @@ class HandSpec(_Section):
     """
 
     name: Annotated[str, Field(pattern=f"^{NAME}$")]
-    title: str = ""
+    title: Plain = ""
     urdf: PathInside
     geometry: Literal["collision", "visual"] = "collision"
-    root_link: str
+    root_link: Plain
     palm: Palm
-    joints: Annotated[tuple[str, ...], Field(min_length=1)]
-    open: dict[str, Finite] = {}
-    closed: dict[str, Finite] = {}
-    contact_regions: dict[str, list[Region]]
-    allowed_self_contacts: list[tuple[str, str]] = []
+    joints: Annotated[tuple[Plain, ...], Field(min_length=1)]
+    open: dict[Plain, Finite] = {}
+    closed: dict[Plain, Finite] = {}
+    contact_regions: dict[Plain, list[Region]]
+    allowed_self_contacts: list[tuple[Plain, Plain]] = []
     drives: Drives = Drives()
     provenance: Provenance
 

@@ -4,66 +4,21 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 import torch
 import trimesh
+from command_line import refused
 from gripper import write_gripper
 
 import gdg
-from gdg.cli import COMMANDS, main
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What a command gave back."""
-
-    code: int
-    out: str
-    err: str
-
-    @property
-    def errors(self) -> list[str]:
-        """The lines that begin with ``Error: ``."""
-        return [line for line in self.err.splitlines() if line.startswith("Error: ")]
-
-
-@pytest.fixture
-def run(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> Callable[..., Outcome]:
-    """Runs the command line in this process, in an empty folder."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("COLUMNS", "200")
-
-    def call(*words: object) -> Outcome:
-        monkeypatch.setattr(sys, "argv", ["gdg", *map(str, words)])
-        code = 0
-        try:
-            main()
-        except SystemExit as exit_:
-            code = int(exit_.code or 0)
-        return Outcome(code, *capsys.readouterr())
-
-    return call
+from gdg.cli import COMMANDS
 
 
 @pytest.fixture(scope="module")
 def hand(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_gripper(tmp_path_factory.mktemp("hands"))
-
-
-def refused(outcome: Outcome, *parts: str) -> None:
-    """Exit code 2, one line of error that holds the parts, no traceback, nothing on stdout."""
-    assert outcome.code == 2
-    assert len(outcome.errors) == 1, outcome.err
-    assert "Traceback" not in outcome.err
-    assert outcome.out == ""
-    for part in parts:
-        assert part in outcome.errors[0]
 
 
 # -- mistakes ----------------------------------------------------------------------------------

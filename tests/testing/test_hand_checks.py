@@ -265,6 +265,19 @@ def test_a_joint_that_moves_nothing_is_an_error(tmp_path: Path):
     ]
 
 
+def test_a_joint_that_turns_right_round_is_none(tmp_path: Path):
+    folder = write_gripper(tmp_path)
+    wheel = (
+        '<link name="wheel"><collision><origin xyz="0.03 0 0.1"/><geometry>'
+        '<box size="0.02 0.02 0.02"/></geometry></collision></link><joint name="turn" '
+        'type="continuous"><parent link="palm"/><child link="wheel"/><axis xyz="0 0 1"/></joint>'
+        "</robot>"
+    )
+    replace_in_urdf(folder, "</robot>", wheel)
+    rewrite(folder, lambda manifest: manifest.update(joints=["close", "turn"]))
+    assert not any("'turn'" in text for text in check_hand(folder))
+
+
 def test_a_hand_in_another_unit_is_an_error(tmp_path: Path):
     folder = write_gripper(tmp_path)
     path = folder / "two_jaws.urdf"

@@ -10,6 +10,7 @@ import click
 
 from gdg.errors import GdgError
 from gdg.folders import HANDS
+from gdg.text import one_line
 
 if TYPE_CHECKING:
     from gdg.testing.findings import Finding
@@ -43,11 +44,11 @@ def _check(given: str, out: Path | None) -> bool:
     try:
         folder = HANDS.find(given).path
     except GdgError as error:
-        click.echo(f"error: {error}")
+        click.echo(f"error: {one_line(str(error))}")
         return False
     inspected = inspect(folder)
     for finding in inspected.findings:
-        click.echo(f"{finding.severity}: {finding}")
+        click.echo(f"{finding.severity}: {one_line(str(finding))}")
     errors = errors_in(inspected.findings)
     click.echo(f"{given}: {_summary(inspected.findings, len(errors))}")
     if out is not None and inspected.case is not None:

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gdg.text import one_line
+
 if TYPE_CHECKING:
     from gdg.hands.create import NewHand
     from gdg.testing.findings import Finding
@@ -60,7 +62,7 @@ def new_hand(
     for repair in made.intake.repairs:
         click.echo(f"changed: {repair}")
     for finding in findings:
-        click.echo(f"{finding.severity}: {finding}")
+        click.echo(f"{finding.severity}: {one_line(str(finding))}")
     click.echo(f"{folder}: hand.yaml, {made.intake.urdf.name}, report.html, picture.png")
     click.echo(f"Next: look at the report, then gdg grasp hand={_as_path(folder)} object=apple")
 

@@ -18,6 +18,7 @@ from gdg.hands.intake.urdf_files import declare_prefixes, urdf_from_xml
 from gdg.hands.intake.write_urdf import write_urdf
 from gdg.hands.spec import Drive
 from gdg.hands.urdf import parse_xml, read_limited, read_urdf
+from gdg.text import one_line
 
 
 @dataclass(frozen=True)
@@ -79,7 +80,7 @@ def take_in(
         actuated=description.actuated,
         drives=description.drives,
         excluded=description.excluded,
-        repairs=tuple(description.repairs),
+        repairs=tuple(map(one_line, description.repairs)),
         source=description.source,
         licence=find_licence(source),
     )

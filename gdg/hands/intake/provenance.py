@@ -6,6 +6,8 @@ import os
 import re
 from pathlib import Path
 
+from gdg.text import one_line
+
 #: So many folders above the description may hold its licence.
 LICENCE_PARENTS = 3
 LICENCE_NAMES = ("license", "licence", "copying")
@@ -39,10 +41,10 @@ def stated_source(path: Path, kind: str, robot: str) -> str:
     """``URDF file 'hand.urdf', robot 'hand'``, and the file's comment on authors or licence."""
     stated = f"{kind} file '{path.name}'"
     if robot:
-        stated += f", robot '{_one_line(robot)[:80]}'"
+        stated += f", robot '{_without_rules(robot)[:80]}'"
     for comment in COMMENT.findall(path.read_text(encoding="utf-8", errors="replace")):
         if TELLING.search(comment):
-            return f"{stated}; its comment: {_one_line(comment)[:MAX_COMMENT]}"
+            return f"{stated}; its comment: {_without_rules(comment)[:MAX_COMMENT]}"
     return stated
 
 
@@ -73,13 +75,12 @@ def _licence_in(file: Path) -> str | None:
             data = stream.read(MAX_LICENCE_BYTES)
     except OSError:
         return None
-    text = _one_line(data.decode("utf-8", errors="replace"))
+    text = _without_rules(data.decode("utf-8", errors="replace"))
     for name, phrases in PHRASES:
         if all(phrase in text.lower() for phrase in phrases):
             return f"{name} ({file.name})"
     return f"{file.name}: {text[:MAX_COMMENT]}" if text else None
 
 
-def _one_line(text: str) -> str:
-    words = "".join(c if c.isprintable() else " " for c in text).split()
-    return " ".join(word for word in words if not RULE.fullmatch(word))
+def _without_rules(text: str) -> str:
+    return " ".join(word for word in one_line(text).split() if not RULE.fullmatch(word))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement
 
@@ -13,7 +14,7 @@ import trimesh
 
 from gdg.errors import GdgError, did_you_mean
 from gdg.hands.intake.description import named
-from gdg.hands.urdf import CONTINUOUS_RANGE, INERTIA, SIZES, Urdf, build_urdf, check_robot
+from gdg.hands.urdf import CONTINUOUS_RANGE, INERTIA, SIZES, Joint, Urdf, build_urdf, check_robot
 
 #: Joints that are no part of a hand where they hold its root: they place it in the world.
 MOUNT_TYPES = ("floating", "planar")
@@ -63,7 +64,7 @@ def urdf_from_xml(
         _mend_shapes(link, repairs)
         _mend_inertial(link)
     _mend_joints(path, robot, repairs)
-    urdf = build_urdf(path, robot)
+    urdf = _without_stiff_joints(build_urdf(path, robot), repairs)
     return urdf, _actuated(robot, urdf)
 
 
@@ -211,16 +212,20 @@ def _vector(element: Element | None, attribute: str) -> np.ndarray:
 
 
 def _mend_inertial(link: Element) -> None:
-    """Removes an inertial that holds no numbers; the check of mass properties then adds one."""
+    """Removes what is no number; the check of mass properties then computes it."""
     inertial = link.find("inertial")
     if inertial is None:
         return
     mass, inertia = inertial.find("mass"), inertial.find("inertia")
-    numbers = [_float("0" if mass is None else mass.get("value", ""))]
-    numbers += [] if inertia is None else [_float(inertia.get(name, "0")) for name in INERTIA]
-    finite = [number for number in numbers if number is not None and math.isfinite(number)]
-    if len(finite) < len(numbers) or finite[0] < 0.0:
+    if mass is not None and not _is_finite(mass.get("value", ""), least=0.0):
         link.remove(inertial)
+    elif inertia is not None and not all(_is_finite(inertia.get(n, "0")) for n in INERTIA):
+        inertial.remove(inertia)
+
+
+def _is_finite(text: str, least: float = -math.inf) -> bool:
+    value = _float(text)
+    return value is not None and math.isfinite(value) and value >= least
 
 
 # -- joints -----------------------------------------------------------------------------------
@@ -260,14 +265,17 @@ def _mend_limits(
     if limit is None:
         limit = SubElement(joint, "limit")
     lower, upper = (_float(limit.get(side, "")) for side in ("lower", "upper"))
-    if limit.get("lower") is None and limit.get("upper") is None:
+    bare = limit.get("lower") is None and limit.get("upper") is None
+    if bare or (lower is not None and lower == upper):
         followed = _followed_range(joint, joints)
         if followed is not None:
             _set_limits(limit, *followed)
             repairs.append(
                 f"Joint '{name}': no limits; got those of the joint that it follows, carried over."
             )
-        elif joint.get("type") == "revolute":
+            return
+    if bare:
+        if joint.get("type") == "revolute":
             joint.set("type", "continuous")
             free.append(name)
         return
@@ -309,6 +317,26 @@ def _followed_range(joint: Element, joints: dict[str, Element]) -> tuple[float, 
         return None
     values = sorted(multiplier * end + offset for end in ends)
     return values[0], values[1]
+
+
+def _without_stiff_joints(urdf: Urdf, repairs: list[str]) -> Urdf:
+    """The tree with fixed joints in place of those that their limits hold where they are."""
+    followed = {joint.mimic.joint for joint in urdf.joints.values() if joint.mimic is not None}
+    joints = dict(urdf.joints)
+    for name, joint in urdf.joints.items():
+        if joint.lower == joint.upper and joint.mimic is None and name not in followed:
+            pose = joint.T_parent_child @ _motion(joint, joint.lower)
+            joints[name] = replace(
+                joint, type="fixed", T_parent_child=pose, lower=math.nan, upper=math.nan, effort=0.0
+            )
+            repairs.append(f"Joint '{name}': its limits leave it no range; it is fixed now.")
+    return replace(urdf, joints=joints)
+
+
+def _motion(joint: Joint, value: float) -> np.ndarray:
+    if joint.type == "prismatic":
+        return trimesh.transformations.translation_matrix(value * joint.axis)
+    return trimesh.transformations.rotation_matrix(value, joint.axis)
 
 
 def _given_range(joint: Element) -> tuple[float, float] | None:

@@ -24,10 +24,10 @@ from gdg.hands.propose.closing import Closing, find_closing, inward_of
 from gdg.hands.propose.drives import drive_of, plausible
 from gdg.hands.propose.linkages import without_linkages
 from gdg.hands.propose.pads import find_regions
-from gdg.hands.propose.palm import PalmFace, find_palm
-from gdg.hands.propose.postures import Postures, find_postures
+from gdg.hands.propose.palm import find_palm
+from gdg.hands.propose.postures import find_postures
 from gdg.hands.propose.probe import Grips, Prober
-from gdg.hands.propose.regions import Corners
+from gdg.hands.propose.reasons import Found, explain
 from gdg.hands.propose.structure import Structure, find_structure
 from gdg.hands.spec import Drive, Drives, HandSpec, Palm, Provenance
 from gdg.hands.urdf import MOVING_TYPES, Urdf, read_urdf
@@ -99,8 +99,8 @@ def propose(
             "drives": drives,
         }
     )
-    decisions = _decisions(structure, closings, grips, face, postures, regions, stated, spec)
-    return Proposal(spec, structure, closings, decisions)
+    found = Found(structure, closings, grips, face, postures, stated)
+    return Proposal(spec, structure, closings, explain(spec, found))
 
 
 def _actuated(urdf: Urdf, intake: Intake) -> tuple[str, ...]:
@@ -151,68 +151,3 @@ def _row(vector: np.ndarray) -> tuple[float, float, float]:
 
 def _by_joint(joints: tuple[str, ...], values: np.ndarray) -> dict[str, float]:
     return {name: round(float(value), 4) + 0.0 for name, value in zip(joints, values)}
-
-
-def _decisions(
-    structure: Structure,
-    closings: tuple[Closing, ...],
-    grips: Grips,
-    face: PalmFace,
-    postures: Postures,
-    regions: dict[str, list[Corners]],
-    stated: dict[str, bool],
-    spec: HandSpec,
-) -> tuple[Decision, ...]:
-    held = float(np.clip(1.1 - 0.3 * float(grips.energy.mean()), 0.1, 0.99))
-    tips = {link for finger in structure.fingers for link in finger.distal}
-    with_region = [f for f in structure.fingers if any(link in regions for link in f.distal)]
-    decisions = [
-        Decision(
-            "palm.link", structure.palm, 0.95,
-            f"{len(structure.fingers)} fingers branch from it",
-        ),
-        Decision("palm.normal", _listed(face.normal), face.certainty, face.reason),
-        Decision(
-            "palm.center", _listed(face.center), face.certainty,
-            "the palm's surface under the balls that it holds",
-        ),
-    ]  # fmt: skip
-    for closing in closings:
-        side = {1: "closes with larger values", -1: "closes with smaller values", 0: "rests"}
-        why = f"moves what it touches with a cosine of {closing.straightness:+.2f} into the balls"
-        if closing.joint in structure.wrist:
-            why = "lies between the root and the palm"
-        elif closing.sign == 0:
-            why = "does not press the fingers into the balls"
-        sure = closing.certainty if closing.sign else 0.7
-        value = f"{spec.open[closing.joint]:g} to {spec.closed[closing.joint]:g}"
-        decisions.append(
-            Decision(f"joint {closing.joint}", f"{side[closing.sign]}: {value}", sure, why)
-        )
-    stop = postures.stopped_by
-    until = f"'{stop[0]}' meets '{stop[1]}'" if stop else "the joints are near their limits"
-    decisions += [
-        Decision("closed", f"{len(spec.closed)} joints", held, f"closes until {until}"),
-        Decision(
-            "contact_regions", f"{sum(map(len, regions.values()))} on {len(regions)} links",
-            0.95 if len(with_region) == len(structure.fingers) else 0.4,
-            f"{len(with_region)} of {len(structure.fingers)} fingers have one on their last link"
-            + ("" if tips & set(regions) else "; draw them by hand"),
-        ),
-        Decision(
-            "allowed_self_contacts", f"{len(spec.allowed_self_contacts)} pairs", 0.9,
-            "they overlap in the open posture or in most others",
-        ),
-        Decision(
-            "drives", f"at most {spec.drives.default.force_limit:g} for most joints",
-            0.9 if all(stated.values()) else 0.5,
-            "efforts of the description" if all(stated.values())
-            else "estimates: the description states no plausible effort for "
-            + ", ".join(name for name, known in stated.items() if not known)[:200],
-        ),
-    ]  # fmt: skip
-    return tuple(decisions)
-
-
-def _listed(vector: np.ndarray) -> str:
-    return "[" + ", ".join(f"{value:g}" for value in _row(vector)) + "]"

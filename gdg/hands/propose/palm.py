@@ -21,7 +21,7 @@ FLAT_DEG = 45.0
 #: Fingers are in a row if their summed axes are this long, as a share of their number.
 ROW_SHARE = 0.55
 #: Grips are as good as the best up to this energy above it; fewer of them say nothing.
-AS_GOOD, FEW = 1.0, 3
+AS_GOOD, FEW = 0.7, 3
 #: A palm link with fewer surface points says nothing about its thickness.
 LEAST_POINTS = 30
 
@@ -51,9 +51,10 @@ def find_palm(prober: Prober, grips: Grips, closings: Sequence[Closing]) -> Palm
     """The side of the palm that balls rest on while all fingers hold them.
 
     The normal is halfway between the palm's own where the balls touch it and the direction to the
-    balls' centres, or the way from the palm's middle to balls that don't reach it. Hands with fingers in a row have a flat palm, but hold balls at its upper edge
-    or beside the thumb: there the direction in which the palm is thinnest counts, if it is near.
-    An axis of a frame that is next to the result replaces it.
+    balls' centres; where no ball reaches the palm, the way from its middle to the balls. Hands with
+    fingers in a row have a flat palm, but hold balls at its upper edge or beside the thumb: there
+    the direction in which the palm is thinnest counts, if it is near. An axis of a frame that is
+    next to the result replaces it.
     """
     weights = grips.weights().numpy().astype(np.float64)
     centers = grips.centers.numpy().astype(np.float64)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+import torch
 
 from gdg.hands.urdf import Joint
 from gdg.testing.checks import not_rigid
@@ -82,10 +83,12 @@ def kinematics(case: HandCase) -> Iterator[Finding]:
             "link poses are not finite or not rigid in a random posture within the limits.",
         )
     for index, name in enumerate(model.joint_names):
-        ends = ((model.lower + model.upper) / 2).repeat(2, 1)
-        ends[0, index], ends[1, index] = model.lower[index], model.upper[index]
-        first, last = model.place_surface(model.link_poses_in_root(ends))
-        if not (first - last).norm(dim=-1).max() > MIN_MOTION_M:
+        # two ends and the middle: a full turn ends where it began
+        values = ((model.lower + model.upper) / 2).repeat(3, 1)
+        values[0, index], values[2, index] = model.lower[index], model.upper[index]
+        first, middle, last = model.place_surface(model.link_poses_in_root(values))
+        motions = torch.stack((first - last, first - middle)).norm(dim=-1)
+        if not motions.max() > MIN_MOTION_M:
             yield error(
                 case.in_manifest("joints"),
                 f"joint '{name}' moves no surface of the hand; leave it out.",

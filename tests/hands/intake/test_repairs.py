@@ -124,6 +124,14 @@ def test_an_impossible_mass_is_replaced(tmp_path: Path, mass: float):
     assert "Link 'tip': mass impossible for the size" in said(intake)
 
 
+def test_a_mass_is_kept_where_only_the_inertia_is_no_number(tmp_path: Path):
+    inertial = f"<inertial><mass value='0.04'/>{INERTIA.format('nan', 1e-6, 'x')}</inertial>"
+    computed = links(take(tmp_path, one_link(inertial)))["tip"].inertial
+    assert computed is not None
+    assert computed.mass == pytest.approx(0.04)
+    np.testing.assert_allclose(computed.inertia, 0.04 * BOX_INERTIA, rtol=1e-6, atol=1e-15)
+
+
 @pytest.mark.parametrize(
     ("moments", "origin"),
     [

@@ -265,3 +265,35 @@ def test_the_makers_hands_keep_their_kinematics(real_hands: Path, tmp_path: Path
             assert not name or (intake.urdf.parent / name).is_file()
     assert geometry.pop("shadowhand") == "visual"
     assert set(geometry.values()) == {"collision"}
+
+
+def test_a_joint_without_range_becomes_fixed_where_it_stands(tmp_path: Path):
+    before = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
+    stiff = '<limit lower="0.4" upper="0.4" effort="1" velocity="1"/>'
+    free, _ = taken(tmp_path / "free", finger(before))
+    urdf, said = taken(tmp_path / "stiff", finger(stiff))
+    assert urdf.joints["j2"].type == "fixed"
+    assert "Joint 'j2': its limits leave it no range; it is fixed now." in said
+    values = {"j1": 0.3, "j2": 0.4}
+    np.testing.assert_allclose(
+        link_poses(urdf, values)["tip"], link_poses(free, values)["tip"], atol=1e-9
+    )
+
+
+def test_a_slide_without_range_becomes_fixed_where_it_stands(tmp_path: Path):
+    stiff = '<limit lower="0.01" upper="0.01" effort="1" velocity="1"/>'
+    urdf, _ = taken(tmp_path, finger(stiff, kind="prismatic"))
+    np.testing.assert_allclose(urdf.joints["j2"].T_parent_child[:3, 3], [0, 0.01, 0.05])
+
+
+def test_a_follower_without_range_gets_that_of_what_it_follows(tmp_path: Path):
+    stiff = '<limit lower="0" upper="0"/><mimic joint="j1" multiplier="2"/>'
+    urdf, said = taken(tmp_path, finger(stiff))
+    assert (urdf.joints["j2"].lower, urdf.joints["j2"].upper) == (0, 3)
+    assert "Joint 'j2': no limits; got those of the joint that it follows" in said
+
+
+def test_a_joint_that_others_follow_is_not_fixed(tmp_path: Path):
+    text = finger(LIMIT + '<mimic joint="j1"/>').replace('upper="1.5"', 'upper="0"', 1)
+    urdf, _ = taken(tmp_path, text)
+    assert urdf.joints["j1"].type == "revolute"

@@ -1,0 +1,79 @@
+"""The contact-map planner closes the fingers that the fit left off the object, unless told not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+import torch
+from gdg_plugins.distance_euclidean.distance import EuclideanDistance
+from gdg_plugins.planner_contact_map.options import ContactMapOptions
+from gdg_plugins.planner_contact_map.planner import ContactMapPlanner
+
+from gdg.components import NoOptions
+from gdg.data.contact_map import ContactMap
+from gdg.data.grasps import GraspSet
+from gdg.kinds.fitter import Fitter, Progress
+from gdg.kinds.hand_model import HandModel
+from gdg.objects.model import ObjectModel
+from gdg.registry import get_registry
+from gdg.testing.fixtures import HALF_CUBE_M, StandInGenerator, jaw_grasps
+from gdg.testing.gripper import OPEN_M
+
+#: How far the stand-in's fits leave the jaws open, worst fit first; metres per grasp.
+LEFT_OPEN_M = (0.02, 0.0, 0.01)
+
+
+class OpenFits(Fitter):
+    """Puts the gripper around the cube, its jaws off it."""
+
+    def fit(
+        self,
+        hand: HandModel,
+        obj: ObjectModel,
+        maps: ContactMap,
+        generator: torch.Generator,
+        progress: Progress | None = None,
+    ) -> GraspSet:
+        left_open = torch.tensor(LEFT_OPEN_M[: len(maps)])
+        grasps = jaw_grasps((0.0,) * len(maps), squeeze=None)
+        return replace(
+            grasps,
+            joints=grasps.joints - left_open[:, None],
+            energies={"total": left_open},
+            status=("converged",) * len(maps),
+        )
+
+
+def planned(hand: HandModel, obj: ObjectModel, count: int, close: bool) -> GraspSet:
+    distance = EuclideanDistance(NoOptions())
+    planner = ContactMapPlanner(
+        ContactMapOptions(close=close),
+        generator=StandInGenerator(distance),
+        fitter=OpenFits(NoOptions(), distance=distance),
+    )
+    return planner.plan(hand, obj, count, torch.Generator().manual_seed(0))
+
+
+def test_fingers_are_closed_until_they_touch(gripper_model: HandModel, cube: ObjectModel):
+    grasps = planned(gripper_model, cube, 3, close=True)
+    opening = OPEN_M - grasps.joints
+    torch.testing.assert_close(opening, torch.full((3, 1), HALF_CUBE_M), rtol=0, atol=0.001)
+
+
+def test_close_false_keeps_what_the_fitter_gave(gripper_model: HandModel, cube: ObjectModel):
+    grasps = planned(gripper_model, cube, 3, close=False)
+    left_open = OPEN_M - HALF_CUBE_M - grasps.joints[:, 0]
+    # best first
+    torch.testing.assert_close(left_open, torch.tensor([0.0, 0.01, 0.02]), rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize("close", [True, False])
+def test_no_maps_give_no_grasps(gripper_model: HandModel, cube: ObjectModel, close: bool):
+    assert len(planned(gripper_model, cube, 0, close)) == 0
+
+
+def test_closing_is_the_default_and_can_be_set_by_name():
+    options = get_registry().find("planner", "contact-map").options
+    assert options().model_dump() == {"close": True}
+    assert options.model_validate({"close": False}).model_dump() == {"close": False}
