@@ -177,7 +177,7 @@ HANDS = FolderKind(
     "hand.yaml",
     "GDG_HANDS_PATH",
     "gdg.hands",
-    file_hint=" Put the URDF into a folder beside a hand.yaml (hands/allegro is an example).",
+    file_hint=" Make a folder of a URDF or MJCF file first: gdg hands new FILE",
 )
 OBJECTS = FolderKind(
     "object", "object.yaml", "GDG_OBJECTS_PATH", "gdg.objects", (".stl", ".obj", ".ply", ".off")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import typing
+import unicodedata
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
@@ -24,6 +25,16 @@ def _inside_folder(name: str) -> str:
 
 #: A path, relative to the folder of the file that names it, that doesn't leave that folder.
 PathInside = Annotated[str, AfterValidator(_inside_folder)]
+
+
+def _without_controls(text: str) -> str:
+    if any(unicodedata.category(c) == "Cc" and c not in "\n\t" for c in text):
+        raise ValueError("must not hold control characters")
+    return text
+
+
+#: Text that may be shown: terminals would obey the control characters that it doesn't hold.
+Plain = Annotated[str, AfterValidator(_without_controls)]
 
 
 def validated(model: type[Model], values: Mapping[str, Any], where: str) -> Model:

@@ -46,7 +46,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
         "--every-hand",
         action="store_true",
-        help="propose manifests for every made-up hand in scrambled frames, too (some minutes)",
+        help="propose manifests for every made-up hand, in scrambled frames, too (many minutes)",
     )
 
 

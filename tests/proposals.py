@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -71,6 +72,22 @@ def closing_signs(hand: Hand) -> dict[str, int]:
     change = hand.coupling[0] @ (hand.posture("closed") - hand.posture("open"))
     names = [joint.name for joint in hand.moving_joints]
     return {name: int(np.sign(value)) for name, value in zip(names, np.round(change, 3))}
+
+
+def closing_motions(hand: Hand, links: Iterable[str]) -> dict[str, float]:
+    """Link -> how far its middle is moved from the open to the closed posture, metres."""
+    matrix, offset = hand.coupling
+    names = [joint.name for joint in hand.moving_joints]
+    opened, closed = (
+        link_poses(hand.urdf, dict(zip(names, matrix @ hand.posture(which) + offset)))
+        for which in ("open", "closed")
+    )
+    motions = {}
+    for link in links:
+        boxes = [part.mesh.bounds.mean(0) for part in hand.parts if part.link == link]
+        middle = np.append(np.mean(boxes, axis=0), 1.0)
+        motions[link] = float(np.linalg.norm((closed[link] - opened[link]) @ middle))
+    return motions
 
 
 def normal_of(corners: object) -> np.ndarray:

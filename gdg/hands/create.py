@@ -17,6 +17,10 @@ from gdg.hands.manifest_text import manifest_text
 from gdg.hands.propose import Proposal, propose
 from gdg.hands.spec import MANIFEST, NAME
 from gdg.kinds.hand_model import HandModel
+from gdg.text import one_line
+
+#: Characters that mean something to Markdown in the middle of a line.
+MARKDOWN = re.compile(r"[\\`*\[\]<>|]")
 
 
 @dataclass(frozen=True)
@@ -63,7 +67,7 @@ def create_hand(
     if not re.fullmatch(NAME, name):
         raise GdgError(
             f"hand name '{name}': write lower-case letters, digits, - and _, e.g. "
-            f"'{name_from(Path(name))}'."
+            f"'{_made_from(name) or 'my_hand'}'."
         )
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise GdgError(
@@ -122,21 +126,26 @@ def name_from(path: Path) -> str:
     Raises:
         GdgError: nothing is left of it.
     """
-    name = re.sub(r"[^a-z0-9_-]+", "_", path.name.partition(".")[0].lower()).strip("_-")
+    name = _made_from(path.name.partition(".")[0])
     if not name:
         raise GdgError(f"{path}: gives no name for the hand; write one after the file.")
     return name
 
 
+def _made_from(text: str) -> str:
+    """What of a text can be a hand's name; maybe nothing."""
+    return re.sub(r"[^a-z0-9_-]+", "_", text.lower()).strip("_-")
+
+
 def _readme(source: Path, intake: Intake, proposal: Proposal) -> str:
     spec, structure = proposal.spec, proposal.structure
     lines = [
-        f"# {spec.title or spec.name}",
+        f"# {_escaped(spec.title or spec.name)}",
         "",
-        f"Made by `gdg hands new` from `{source.name}`. {intake.source}",
-        f"Licence: {spec.provenance.licence}.",
+        f"Made by `gdg hands new` from {_code(source.name)}. {_escaped(intake.source)}",
+        f"Licence: {_escaped(spec.provenance.licence)}.",
         "",
-        f"Palm: `{structure.palm}`. Wrist joints: {_names(structure.wrist)}.",
+        f"Palm: {_code(structure.palm)}. Wrist joints: {_names(structure.wrist)}.",
         "",
         "| finger | joints | last link |",
         "| --- | --- | --- |",
@@ -144,9 +153,19 @@ def _readme(source: Path, intake: Intake, proposal: Proposal) -> str:
     for number, finger in enumerate(structure.fingers, start=1):
         lines.append(f"| {number} | {_names(finger.joints)} | {_names(finger.distal)} |")
     lines += ["", "Changed in the description:", ""]
-    lines += [f"- {repair}" for repair in intake.repairs] or ["- nothing"]
+    lines += [f"- {_escaped(repair)}" for repair in intake.repairs] or ["- nothing"]
     return "\n".join(lines) + "\n"
 
 
 def _names(names: Sequence[str]) -> str:
-    return ", ".join(f"`{name}`" for name in names) or "none"
+    return ", ".join(map(_code, names)) or "none"
+
+
+def _code(name: str) -> str:
+    """A foreign name as code, where it can't end the code or the cell of a table."""
+    return _escaped(name) if set("`|") & set(name) else f"`{one_line(name)}`"
+
+
+def _escaped(text: str) -> str:
+    """Foreign text without links, pictures, HTML and whatever else Markdown would make of it."""
+    return MARKDOWN.sub(r"\\\g<0>", one_line(text))

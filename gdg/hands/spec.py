@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-import unicodedata
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-from gdg.validation import PathInside, validated
+from gdg.validation import PathInside, Plain, validated
 from gdg.yaml_files import read_yaml_mapping
 
 MANIFEST = "hand.yaml"
@@ -33,13 +32,6 @@ def _unit(vector: tuple[float, float, float]) -> tuple[float, float, float]:
     return (vector[0] / norm, vector[1] / norm, vector[2] / norm)
 
 
-def _plain(text: str) -> str:
-    if any(unicodedata.category(c) == "Cc" and c not in "\n\t" for c in text):
-        raise ValueError("must not hold control characters, which terminals would obey")
-    return text
-
-
-Plain = Annotated[str, AfterValidator(_plain)]
 Finite = Annotated[float, AfterValidator(_finite)]
 Point = tuple[Finite, Finite, Finite]
 UnitVector = Annotated[Point, AfterValidator(_unit)]
@@ -58,7 +50,7 @@ class Palm(_Section):
         center: a point on the palm's surface, metres.
     """
 
-    link: Plain
+    link: str
     normal: UnitVector
     center: Point
 
@@ -81,7 +73,7 @@ class Drives(_Section):
     """Default drive and exceptions by joint."""
 
     default: Drive = Drive()
-    joints: dict[Plain, Drive] = {}
+    joints: dict[str, Drive] = {}
 
     def of(self, joint: str) -> Drive:
         """The drive of one joint."""
@@ -137,13 +129,13 @@ class HandSpec(_Section):
     title: Plain = ""
     urdf: PathInside
     geometry: Literal["collision", "visual"] = "collision"
-    root_link: Plain
+    root_link: str
     palm: Palm
-    joints: Annotated[tuple[Plain, ...], Field(min_length=1)]
-    open: dict[Plain, Finite] = {}
-    closed: dict[Plain, Finite] = {}
-    contact_regions: dict[Plain, list[Region]]
-    allowed_self_contacts: list[tuple[Plain, Plain]] = []
+    joints: Annotated[tuple[str, ...], Field(min_length=1)]
+    open: dict[str, Finite] = {}
+    closed: dict[str, Finite] = {}
+    contact_regions: dict[str, list[Region]]
+    allowed_self_contacts: list[tuple[str, str]] = []
     drives: Drives = Drives()
     provenance: Provenance
 

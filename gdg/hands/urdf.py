@@ -20,6 +20,8 @@ from gdg.errors import GdgError, did_you_mean, raise_if_any
 MAX_URDF_BYTES = 5_000_000
 #: More links, joints or shapes than these are no hand's (the largest of ours has 31 links).
 MAX_ELEMENTS = {"link": 500, "joint": 500, "collision": 2000, "visual": 2000}
+#: Longer names are no one's, and longer than YAML lets a key be.
+MAX_NAME = 200
 MOVING_TYPES = ("revolute", "continuous", "prismatic")
 #: Attributes of the primitives, with the numbers in each.
 SIZES = {
@@ -172,6 +174,8 @@ def read_xml(path: Path) -> Element:
 def read_limited(path: Path) -> bytes:
     """A file's bytes; a ``GdgError`` where it can't be read or is too large for a description."""
     try:
+        if path.exists() and not path.is_file():  # a pipe or device may never end
+            raise GdgError(f"{path}: is no file.")
         if path.stat().st_size > MAX_URDF_BYTES:
             raise GdgError(f"{path}: larger than {MAX_URDF_BYTES // 10**6} MB, no plausible URDF.")
         return path.read_bytes()
@@ -331,6 +335,8 @@ def _name(element: Element, mistakes: list[str]) -> str:
     name = element.get("name", "")
     if not name.strip() or not name.isprintable():
         mistakes.append(f"a {element.tag} has no name, or one that can't be printed: {name!r}.")
+    elif len(name) > MAX_NAME:
+        mistakes.append(f"a {element.tag} has a name of over {MAX_NAME} letters: '{name[:40]}…'.")
     return name
 
 

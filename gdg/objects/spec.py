@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from gdg.validation import PathInside, validated
+from gdg.validation import PathInside, Plain, validated
 from gdg.yaml_files import read_yaml_mapping
 
 MANIFEST = "object.yaml"
@@ -28,12 +28,12 @@ class ObjectSpec(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
     name: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_-]*$")]
-    title: str = ""
+    title: Plain = ""
     mesh: PathInside
     split: Literal["train", "test"]
     thin_shell: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
-    source: str
-    licence: str
+    source: Plain
+    licence: Plain
 
 
 def read_object_spec(folder: Path) -> ObjectSpec:

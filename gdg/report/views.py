@@ -11,6 +11,8 @@ AZIMUTHS_DEG = np.arange(0.0, 360.0, 15.0)
 ELEVATIONS_DEG = (-15.0, 20.0, 50.0)
 #: Points hide others in the same cell of the image that lie deeper by the given depth, metres.
 CELL_M, HIDING_DEPTH_M = 0.011, 0.012
+#: Cells are numbered up to this one.
+FARTHEST_CELL = 10**8
 #: The second view differs from the first by at least this angle.
 MIN_ANGLE_DEG = 65.0
 #: Hand points farther from the object's sphere than this (a forearm) may be cut off, metres.
@@ -87,10 +89,11 @@ def _score(
 
 def _unhidden(eye: np.ndarray, points: np.ndarray) -> np.ndarray:
     right, up = camera_axes(eye)
-    cells = np.floor(np.stack((points @ right, points @ up), -1) / CELL_M).astype(np.int64)
-    cells -= cells.min(0)
-    index = cells[:, 0] * (cells[:, 1].max() + 1) + cells[:, 1]
+    # what is absurdly far away shares a cell
+    cells = np.floor(np.stack((points @ right, points @ up), -1) / CELL_M)
+    cells = np.clip(cells, -FARTHEST_CELL, FARTHEST_CELL).astype(np.int64)
+    used, index = np.unique(cells @ (1, 4 * FARTHEST_CELL), return_inverse=True)
     depth = points @ eye
-    nearest = np.full(index.max() + 1, -np.inf)
+    nearest = np.full(len(used), -np.inf)
     np.maximum.at(nearest, index, depth)
     return depth >= nearest[index] - HIDING_DEPTH_M

@@ -27,6 +27,7 @@ def run(
             main()
         except SystemExit as exit_:
             code = int(exit_.code or 0)
-        return Outcome(code, *capsys.readouterr())
+        said = capsys.readouterr()
+        return Outcome(code, said.out, said.err)
 
     return call

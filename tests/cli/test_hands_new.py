@@ -82,7 +82,9 @@ def test_a_bare_urdf_becomes_a_hand(run: Run, tmp_path: Path):
     refused(again, "acme_hand: exists already")
 
 
-def test_a_hand_on_an_arm_is_cut_off_with_root(run: Run, tmp_path: Path):
+def test_a_hand_on_an_arm_is_cut_off_with_root_into_an_empty_folder(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     arm = [link(name, box(), INERTIAL) for name in ("base", "upper_arm", "lower_arm")]
     joints = [
         joint("shoulder", "base", "upper_arm", kind="continuous", inner=""),
@@ -90,30 +92,18 @@ def test_a_hand_on_an_arm_is_cut_off_with_root(run: Run, tmp_path: Path):
         joint("mount", "lower_arm", "housing", kind="fixed", inner=""),
     ]
     source = write(tmp_path, jaws("".join([*arm, *joints])), "robot.urdf")
-    outcome = run(
-        "hands", "new", source, "my_jaws", "--root", "housing", "--out", "hands/mine/my_jaws"
-    )
+    place = tmp_path / "my_jaws"
+    place.mkdir()
+    monkeypatch.chdir(place)
+    outcome = run("hands", "new", source, "--root", "housing", "--out", ".")
     assert outcome.code == 0, outcome.err
-    hand = load_hand(Path("hands/mine/my_jaws"))
+    hand = load_hand(place)
+    # without a name the folder gives it
     assert hand.name == "my_jaws"
     assert hand.spec.root_link == hand.urdf.root == "housing"
     assert hand.spec.joints == ("left_slide",)
-    assert "gdg grasp hand=hands/mine/my_jaws object=apple" in outcome.out
-    assert {path.name for path in tmp_path.iterdir()} == {"robot.urdf", "hands"}
-    assert [path.name for path in Path("hands/mine").iterdir()] == ["my_jaws"]
-
-
-def test_an_empty_folder_is_filled_and_names_the_hand(
-    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
-    source = write(tmp_path, jaws(), "gripper.urdf")
-    place = tmp_path / "here"
-    place.mkdir()
-    monkeypatch.chdir(place)
-    outcome = run("hands", "new", source, "--out", ".")
-    assert outcome.code == 0, outcome.err
-    assert load_hand(place).name == "here"
-    assert {path.name for path in tmp_path.iterdir()} == {"gripper.urdf", "here"}
+    assert {path.name for path in tmp_path.iterdir()} == {"robot.urdf", "my_jaws"}
+    assert not [path for path in place.iterdir() if path.name.startswith(".")]
 
 
 # -- refusals ------------------------------------------------------------------------------------

@@ -38,3 +38,18 @@ def test_a_mesh_without_volume_is_refused_by_the_name_of_the_file(tmp_path: Path
     message = refusal(source, tmp_path / "made" / "acme")
     assert message.startswith(f"{source}: link 'palm': mesh 'meshes/flat.stl': ")
     assert ".acme-" not in message
+
+
+def test_foreign_names_in_the_readme_are_shown_as_they_are(tmp_path: Path):
+    tip = "a|b`<script>"
+    palm, finger = link("palm", box(), INERTIAL), link(quoted(tip), box(), INERTIAL)
+    comment = "<!-- Copyright ![x](http://x.test/x.png) -->"
+    parts = comment, palm, finger, joint("[j](x)", "palm", quoted(tip))
+    create_hand(write(tmp_path, robot(*parts)), tmp_path / "acme", "acme", model_of)
+    readme = (tmp_path / "acme" / "README.md").read_text()
+    assert r"| 1 | `[j](x)` | a\|b\`\<script\> |" in readme
+    assert r"Copyright !\[x\](http://x.test/x.png)" in readme
+
+
+def quoted(name: str) -> str:
+    return name.replace("<", "&lt;").replace(">", "&gt;")

@@ -34,6 +34,7 @@ def test_a_good_manifest_is_read(tmp_path: Path):
     [
         ("name: two_jaws", "name: Two Jaws", "name: String should match pattern"),
         ("name: two_jaws", "name: ../x", "name: String should match pattern"),
+        ("title: Two parallel jaws", 'title: "\\e[2J"', "title: must not hold control characters"),
         ("name: two_jaws\n", "", "name: must be given."),
         ("urdf: two_jaws.urdf", "urdf: ../x.urdf", "urdf: must be a path inside the folder"),
         ("urdf: two_jaws.urdf", "urdf: /etc/passwd", "urdf: must be a path inside the folder"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import os
 from pathlib import Path
 
 import numpy as np
@@ -164,6 +165,7 @@ def test_a_mistaken_shape_is_named(tmp_path: Path, inner: str, reason: str):
         ('<robot name="r"/>', "has no <link>"),
         ('<robot><link/><link name="a"/></robot>', "a link has no name"),
         ('<robot><link name="a&#10;b"/></robot>', "can't be printed"),
+        (f'<robot><link name="{"a" * 201}"/></robot>', "a name of over 200 letters: 'aaa"),
         ('<robot><link name="a"/><joint type="fixed"/></robot>', "a joint has no name"),
         ('<robot><link name="a"/><joint name="j" type="fixed"/></robot>', "has no <parent link=…>"),
         ('<robot><link name="a"><inertial><mass value="-1"/></inertial></link></robot>',
@@ -233,6 +235,12 @@ def test_an_included_file_is_not_read(tmp_path: Path):
     include = '<xi:include xmlns:xi="http://www.w3.org/2001/XInclude" href="/etc/passwd"/>'
     urdf = parse(tmp_path, f'<robot><link name="a"/>{include}</robot>')
     assert list(urdf.links) == ["a"]
+
+
+def test_a_pipe_is_refused_unread(tmp_path: Path):
+    os.mkfifo(tmp_path / "hand.urdf")
+    with pytest.raises(GdgError, match="is no file"):
+        read_urdf(tmp_path / "hand.urdf")
 
 
 def test_a_huge_file_is_refused_unread(tmp_path: Path):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import subprocess
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 
@@ -187,3 +188,17 @@ def test_joints_move_in_the_page_as_in_the_hand_model(name: str, tmp_path: Path)
     T_picture_root = build_hand_scene(model).T_picture_root
     expected = T_picture_root @ model.link_poses_in_root(joints)[0].double().numpy()
     np.testing.assert_allclose(found, expected, atol=2e-6)
+
+
+@pytest.mark.parametrize("factor", [1000.0, 1e20])
+def test_a_region_in_the_wrong_unit_is_drawn_all_the_same(factor: float, tmp_path: Path):
+    jaws = two_jaws()
+    regions = {
+        link: [tuple(tuple(factor * v for v in corner) for corner in region) for region in listed]
+        for link, listed in jaws.spec.contact_regions.items()
+    }
+    spec = jaws.spec.model_copy(update={"contact_regions": regions})
+    model = model_of(replace(jaws, spec=spec))
+    hand_sheet(model, tmp_path / "hand.png", SMALL)
+    hand_report(model, tmp_path / "report.html")
+    assert read_page(tmp_path / "report.html")[1]["regions"]

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 #: Surface points on which balls are gripped.
 SURFACE_POINTS = 1000
+#: With more joints before the palm than this, the description holds an arm.
+LONGEST_WRIST = 3
 
 
 @click.command("new")
@@ -28,7 +30,7 @@ SURFACE_POINTS = 1000
 )
 @click.option(
     "--packages",
-    type=click.Path(path_type=Path, file_okay=False),
+    type=click.Path(path_type=Path, exists=True, file_okay=False),
     multiple=True,
     help="Where to look for the ROS packages that package:// paths name; may be repeated.",
 )
@@ -63,6 +65,7 @@ def new_hand(
         click.echo(f"changed: {repair}")
     for finding in findings:
         click.echo(f"{finding.severity}: {one_line(str(finding))}")
+    _print_arm(made)
     click.echo(f"{folder}: hand.yaml, {made.intake.urdf.name}, report.html, picture.png")
     click.echo(f"Next: look at the report, then gdg grasp hand={_as_path(folder)} object=apple")
 
@@ -94,6 +97,15 @@ def _print_decisions(made: NewHand) -> None:
         cells = (decision.subject, decision.value, sure, decision.reason)
         table.add_row(*(Text(cell) for cell in cells))
     Console().print(table)
+
+
+def _print_arm(made: NewHand) -> None:
+    arm = made.proposal.structure.wrist
+    if len(arm) > LONGEST_WRIST:
+        click.echo(
+            f"note: {len(arm)} joints lie between the root and the palm, as on an arm; for the "
+            f"hand alone write --root and the link where it begins"
+        )
 
 
 def _as_path(folder: Path) -> str:

@@ -12,6 +12,7 @@ import numpy as np
 import trimesh
 
 from gdg.errors import GdgError
+from gdg.hands.urdf import MAX_NAME
 
 FREE, BALL, SLIDE, HINGE = "free", "ball", "slide", "hinge"
 #: Joint types by MuJoCo's number for them.
@@ -208,10 +209,11 @@ def among(value: Any, *kinds: Any) -> bool:
 
 
 def _names(view: Any, count: int, stand_in: Any) -> list[str]:
-    """The names of a kind of objects, those without a printable one named by ``stand_in``."""
+    """The names of a kind of objects; ``stand_in`` names those whose own can't be written."""
     names = [view(index).name for index in range(count)]
     for index, name in enumerate(names):
-        if not name.strip() or not name.isprintable():
+        # by half: names of links and joints that are added end in more letters
+        if not name.strip() or not name.isprintable() or len(name) > MAX_NAME // 2:
             names[index] = free_name(stand_in(index), names)
     return names
 

@@ -39,7 +39,7 @@ MAX_COMMENT = 300
 
 def stated_source(path: Path, kind: str, robot: str) -> str:
     """``URDF file 'hand.urdf', robot 'hand'``, and the file's comment on authors or licence."""
-    stated = f"{kind} file '{path.name}'"
+    stated = f"{kind} file '{one_line(path.name)}'"
     if robot:
         stated += f", robot '{_without_rules(robot)[:80]}'"
     for comment in COMMENT.findall(path.read_text(encoding="utf-8", errors="replace")):
@@ -76,10 +76,11 @@ def _licence_in(file: Path) -> str | None:
     except OSError:
         return None
     text = _without_rules(data.decode("utf-8", errors="replace"))
+    file_name = one_line(file.name)
     for name, phrases in PHRASES:
         if all(phrase in text.lower() for phrase in phrases):
-            return f"{name} ({file.name})"
-    return f"{file.name}: {text[:MAX_COMMENT]}" if text else None
+            return f"{name} ({file_name})"
+    return f"{file_name}: {text[:MAX_COMMENT]}" if text else None
 
 
 def _without_rules(text: str) -> str:

@@ -20,8 +20,8 @@ TOUCHING_M, MOST_POSTURES = 5e-4, 0.6
 POSTURES = 40
 #: Closed fingers may overlap by this, metres.
 CLOSED_OVERLAP_M = 1e-3
-#: The hand opens wider than for the balls that it holds by this share of each joint's range, and
-#: closes at most so far towards the end of the range.
+#: The hand opens wider than for the balls that it holds by this share of each turning joint's range
+#: (jaws that slide open fully), and closes at most so far towards the end of the range.
 WIDER, CLOSED_SHARE = 0.2, 0.8
 #: Steps from the open posture to the closed one.
 STEPS = 32
@@ -51,7 +51,9 @@ def find_postures(hand: HandModel, grips: Grips, closings: Sequence[Closing]) ->
     lower, upper = (limit.double().numpy() for limit in (hand.lower, hand.upper))
     signs = np.array([closing.sign for closing in closings])
     rest = _resting(grips, signs, lower, upper)
-    opened = _equal(_opened(grips, signs, rest, lower, upper), hand, closings)
+    slides = np.array([hand.hand.urdf.joints[c.joint].type == "prismatic" for c in closings])
+    wider = np.where(slides, 1.0, WIDER)
+    opened = _equal(_opened(grips, signs, rest, lower, upper, wider), hand, closings)
     ends = np.where(signs > 0, upper, np.where(signs < 0, lower, rest))
     apart = hand.hand.may_collide()
     touching = _touching(hand, opened, apart)
@@ -82,15 +84,20 @@ def _weighted_median(values: np.ndarray, weights: np.ndarray) -> float:
 
 
 def _opened(
-    grips: Grips, signs: np.ndarray, rest: np.ndarray, lower: np.ndarray, upper: np.ndarray
+    grips: Grips,
+    signs: np.ndarray,
+    rest: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    wider: np.ndarray,
 ) -> Float[np.ndarray, "joint"]:
-    """Each closing joint somewhat more open than in the grips of the larger balls."""
+    """Closing joints wider open than in grips of the larger balls, by shares of their ranges."""
     large = grips.radii >= grips.radii.median()
     joints = grips.joints[large].double().numpy()
     weights = grips.weights()[large].double().numpy()
     typical = np.array([_weighted_median(column, weights) for column in joints.T])
-    wider = np.clip(typical - WIDER * signs * (upper - lower), lower, upper)
-    return np.where(signs == 0, rest, wider)
+    opened = np.clip(typical - wider * signs * (upper - lower), lower, upper)
+    return np.where(signs == 0, rest, opened)
 
 
 def _equal(

@@ -8,7 +8,7 @@ import torch
 from descriptions import INERTIAL, box, joint, link, robot, write
 from proposals import draft_model
 
-from gdg.hands.propose.overlaps import link_overlaps, random_postures
+from gdg.hands.propose.overlaps import Pair, link_overlaps, random_postures
 from gdg.kinds.hand_model import HandModel
 
 #: Edges of the two cubes, metres.
@@ -29,7 +29,9 @@ def cubes(tmp_path_factory: pytest.TempPathFactory) -> HandModel:
     return draft_model(write(tmp_path_factory.mktemp("cubes"), text), points=2000)
 
 
-def depths(hand: HandModel, values: list[float], apart: np.ndarray | None = None) -> dict:
+def depths(
+    hand: HandModel, values: list[float], apart: np.ndarray | None = None
+) -> dict[Pair, np.ndarray]:
     joints = torch.tensor([[value, 0.0] for value in values])
     every = ~np.eye(len(hand.link_names), dtype=bool)
     return link_overlaps(hand, joints, every if apart is None else apart)

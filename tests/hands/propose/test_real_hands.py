@@ -34,7 +34,11 @@ CLOSING = {
     "shadowhand": (r"(FF|MF|RF|LF)J[123]|THJ[12]", 1),
 }
 #: (check, hand) -> why it fails.
-KNOWN_FAILURES: dict[tuple[str, str], str] = {}
+KNOWN_FAILURES: dict[tuple[str, str], str] = {
+    ("test_every_joint_closes_the_documented_way", "allegro"): (
+        "the thumb's sideways joint_13.0 is taken to have no part in closing"
+    ),
+}
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:

@@ -147,9 +147,11 @@ def test_what_is_too_thin_to_touch_with_gets_none(size: tuple[float, float, floa
 
 
 def test_steep_faces_are_no_pads():
-    roof = trimesh.convex.convex_hull(
-        [(0, y, z) for y in (-0.01, 0.01) for z in (0, 0.04)] + [(0.03, 0, 0), (0.03, 0, 0.04)]
-    )
+    corners = [(0, y, z) for y in (-0.01, 0.01) for z in (0, 0.04)] + [
+        (0.03, 0, 0),
+        (0.03, 0, 0.04),
+    ]
+    roof = trimesh.convex.convex_hull(np.array(corners))
     # its two sides look away from x by 72 degrees
     assert inner_regions([hull_part(roof)], X, Z) == []
 

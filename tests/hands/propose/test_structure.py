@@ -11,7 +11,7 @@ from hard_hands import HARD_HANDS, HardHand, rename, scramble, write_hard_hand
 from gdg.errors import GdgError
 from gdg.hands.geometry import ConvexPart, link_parts
 from gdg.hands.propose.structure import LONGEST_SINGLE_FINGER, Structure, extent, find_structure
-from gdg.hands.urdf import Urdf, read_urdf
+from gdg.hands.urdf import Joint, Urdf, read_urdf
 
 #: Fingers per made-up hand where it isn't five; the bars of a four-bar count until they are told.
 FINGERS = {
@@ -63,7 +63,7 @@ def test_every_fingertip_is_the_end_of_one_finger(name: str, tmp_path: Path):
         assert {carriers[link].name for link in one.links} >= set(one.joints)
 
 
-def _body(carriers: dict, link: str) -> str | None:
+def _body(carriers: dict[str, Joint], link: str) -> str | None:
     """The moving joint that carries a link; None for the root's body."""
     while link in carriers and carriers[link].type == "fixed":
         link = carriers[link].parent
