@@ -8,6 +8,8 @@ PYTHON ?= python3
 VENV ?= .venv
 STAMP := $(VENV)/.installed
 BIN := $(VENV)/bin
+# one test process per core, up to two: more than that need more memory than laptops have
+PARALLEL ?= --numprocesses 2 --dist worksteal
 
 .PHONY: demo test check bench
 
@@ -17,14 +19,14 @@ demo: $(STAMP)
 	@find demo -name '*.png' -o -name '*.html'
 
 test: $(STAMP)
-	$(BIN)/pytest
+	$(BIN)/pytest $(PARALLEL)
 
 check: $(STAMP)
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/pyright --pythonpath $(BIN)/python
 	$(BIN)/lint-imports
-	$(BIN)/pytest
+	$(BIN)/pytest $(PARALLEL)
 
 bench: $(STAMP)
 	$(BIN)/pytest --benchmark-only

@@ -233,9 +233,9 @@ def test_what_is_no_gadget_is_explained(
     assert reason in str(caught.value)
 
 
-def test_a_urdf_in_place_of_a_hand_folder_is_told_where_to_put_it(tmp_path: Path):
+def test_a_urdf_in_place_of_a_hand_folder_is_told_to_make_one(tmp_path: Path):
     (tmp_path / "my.urdf").touch()
-    with pytest.raises(GdgError, match=r"beside a hand\.yaml"):
+    with pytest.raises(GdgError, match=r"gdg hands new FILE"):
         HANDS.find(str(tmp_path / "my.urdf"))
 
 

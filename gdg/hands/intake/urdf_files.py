@@ -335,8 +335,8 @@ def _without_stiff_joints(urdf: Urdf, repairs: list[str]) -> Urdf:
 
 def _motion(joint: Joint, value: float) -> np.ndarray:
     if joint.type == "prismatic":
-        return trimesh.transformations.translation_matrix(value * joint.axis)
-    return trimesh.transformations.rotation_matrix(value, joint.axis)
+        return np.asarray(trimesh.transformations.translation_matrix(value * joint.axis))
+    return np.asarray(trimesh.transformations.rotation_matrix(value, joint.axis))
 
 
 def _given_range(joint: Element) -> tuple[float, float] | None:
