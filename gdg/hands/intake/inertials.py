@@ -24,8 +24,8 @@ MIN_MASS = 0.001
 MIN_BOX_M = 0.01
 #: An inertia further than this factor from that of the link's box is a placeholder.
 MAX_INERTIA_RATIO = 100.0
-#: Rounded figures may break the triangle inequality by this share.
-TRIANGLE_SLACK = 0.05
+#: Rounded figures may break the triangle inequality by this share, as in gdg.testing.hand.masses.
+TRIANGLE_SLACK = 0.01
 
 
 def mend_inertials(description: Description, role: str) -> None:

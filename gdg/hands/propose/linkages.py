@@ -7,7 +7,7 @@ from dataclasses import replace
 import torch
 from scipy.spatial import KDTree
 
-from gdg.hands.propose.overlaps import random_postures
+from gdg.hands.propose.sampling import random_postures
 from gdg.hands.propose.structure import Finger, Structure
 from gdg.kinds.hand_model import HandModel
 

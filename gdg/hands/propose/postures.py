@@ -9,22 +9,26 @@ import numpy as np
 import torch
 from jaxtyping import Bool, Float
 
+from gdg.closure import moved_links
 from gdg.hands.propose.closing import Closing, spreads
-from gdg.hands.propose.overlaps import Pair, link_overlaps, random_postures
 from gdg.hands.propose.probe import Grips
+from gdg.hands.propose.sampling import random_postures
+from gdg.hands.self_collision import LinkBodies, Pair
 from gdg.kinds.hand_model import HandModel
 
-#: Pairs that overlap by this in this share of postures touch by construction: metres, 1.
-TOUCHING_M, MOST_POSTURES = 5e-4, 0.6
+#: Links that overlap by this in this share of postures touch by construction: metres, 1.
+TOUCHING_M, MOST_POSTURES = 1e-3, 0.6
 #: Postures that are tried for that.
-POSTURES = 40
-#: Closed fingers may overlap by this, metres.
-CLOSED_OVERLAP_M = 1e-3
+POSTURES = 16
+#: Links of a closed hand may overlap by this, metres.
+CLOSED_OVERLAP_M = 2e-3
+#: Links that meet within so many steps from the open posture lie side by side and may touch.
+EARLY_STEPS = 3
 #: The hand opens wider than for the balls that it holds by this share of each turning joint's range
 #: (jaws that slide open fully), and closes at most so far towards the end of the range.
 WIDER, CLOSED_SHARE = 0.2, 0.8
-#: Steps from the open posture to the closed one.
-STEPS = 32
+#: Steps from the open posture to the closed one, and to the widest one.
+STEPS, WIDENING_STEPS = 24, 8
 #: A joint that takes no part rests at zero or a limit when that is within this share of its range.
 NEAR = 0.15
 
@@ -37,31 +41,66 @@ class Postures:
         open: fingers open.
         closed: fingers flexed as far as they don't meet.
         touching: pairs of links that overlap whatever the joints do, beyond neighbours.
-        stopped_by: the pair of links at which closing ended; None if the range ended first.
+        met: the pairs of links at which fingers stopped closing.
     """
 
     open: Float[np.ndarray, "joint"]
     closed: Float[np.ndarray, "joint"]
     touching: tuple[Pair, ...]
-    stopped_by: Pair | None
+    met: tuple[Pair, ...]
 
 
 def find_postures(hand: HandModel, grips: Grips, closings: Sequence[Closing]) -> Postures:
-    """Postures that open wider than for any grip, and close until fingers meet."""
+    """Postures that open wider than for any grip, and close each finger until it meets a link."""
     lower, upper = (limit.double().numpy() for limit in (hand.lower, hand.upper))
     signs = np.array([closing.sign for closing in closings])
     rest = _resting(grips, signs, lower, upper)
     slides = np.array([hand.hand.urdf.joints[c.joint].type == "prismatic" for c in closings])
     wider = np.where(slides, 1.0, WIDER)
     opened = _equal(_opened(grips, signs, rest, lower, upper, wider), hand, closings)
-    ends = np.where(signs > 0, upper, np.where(signs < 0, lower, rest))
-    apart = hand.hand.may_collide()
-    touching = _touching(hand, opened, apart)
-    for first, second in touching:
-        a, b = hand.link_names.index(first), hand.link_names.index(second)
-        apart[a, b] = apart[b, a] = False
-    closed, stopped_by = _closed(hand, opened, ends, apart)
-    return Postures(opened, closed, touching, stopped_by)
+    widest = np.where(signs > 0, lower, np.where(signs < 0, upper, rest))
+    flexed = np.where(signs > 0, upper, np.where(signs < 0, lower, rest))
+    bodies, apart = _Bodies(hand), hand.hand.may_collide()
+    opened = _apart(bodies, opened, widest, apart)
+    touching = _touching(bodies, opened, apart)
+    bodies.let_touch(touching, apart)
+    ends = opened + CLOSED_SHARE * (flexed - opened)
+    beside = bodies.overlaps(opened + EARLY_STEPS / STEPS * (ends - opened), apart, TOUCHING_M)
+    touching = tuple(sorted({*touching, *beside}))
+    bodies.let_touch(tuple(beside), apart)
+    closed, met = _closed(bodies, opened, ends, apart)
+    return Postures(opened, closed, touching, met)
+
+
+class _Bodies:
+    """Overlaps of a hand's links by posture."""
+
+    def __init__(self, hand: HandModel):
+        self.hand = hand
+        self.moves = moved_links(hand).numpy()
+        self._bodies = LinkBodies(hand.hand)
+
+    def overlaps(
+        self,
+        joints: Float[np.ndarray, "joint"],
+        apart: Bool[np.ndarray, "link link"],
+        ignored_m: float,
+    ) -> dict[Pair, float]:
+        """Pairs of links that lie deeper than ``ignored_m`` in each other in a posture."""
+        values = torch.as_tensor(joints, dtype=torch.float32)[None]
+        Ts_root_link = self.hand.link_poses_in_root(values)[0].double().numpy()
+        return self._bodies.overlaps(Ts_root_link, apart, ignored_m)
+
+    def between(self, pair: Pair) -> Bool[np.ndarray, "joint"]:
+        """Which joints move the links of a pair against each other."""
+        first, second = (self.hand.link_names.index(name) for name in pair)
+        return self.moves[:, first] != self.moves[:, second]
+
+    def let_touch(self, pairs: Sequence[Pair], apart: Bool[np.ndarray, "link link"]) -> None:
+        """Takes pairs out of those that must stay apart."""
+        for pair in pairs:
+            first, second = (self.hand.link_names.index(name) for name in pair)
+            apart[first, second] = apart[second, first] = False
 
 
 def _resting(
@@ -123,31 +162,55 @@ def _equal(
     return equal
 
 
+def _apart(
+    bodies: _Bodies,
+    opened: Float[np.ndarray, "joint"],
+    widest: Float[np.ndarray, "joint"],
+    apart: Bool[np.ndarray, "link link"],
+) -> Float[np.ndarray, "joint"]:
+    """Opens joints further whose links still lie in each other."""
+    step = (widest - opened) / WIDENING_STEPS
+    for _ in range(WIDENING_STEPS):
+        pairs = bodies.overlaps(opened, apart, TOUCHING_M)
+        moving = np.zeros(len(opened), bool)
+        for pair in pairs:
+            moving |= bodies.between(pair)
+        if not (moving & (step != 0)).any():
+            break
+        opened = opened + np.where(moving, step, 0.0)
+    return opened
+
+
 def _touching(
-    hand: HandModel, opened: Float[np.ndarray, "joint"], apart: Bool[np.ndarray, "link link"]
+    bodies: _Bodies, opened: Float[np.ndarray, "joint"], apart: Bool[np.ndarray, "link link"]
 ) -> tuple[Pair, ...]:
-    postures = random_postures(hand, POSTURES)
-    first = torch.as_tensor(opened, dtype=torch.float32)[None]
-    found = link_overlaps(hand, torch.cat((first, postures)), apart)
-    return tuple(
-        pair
-        for pair, depth in sorted(found.items())
-        if depth[0] > TOUCHING_M or (depth > TOUCHING_M).mean() >= MOST_POSTURES
-    )
+    postures = random_postures(bodies.hand, POSTURES).double().numpy()
+    counts: dict[Pair, int] = {}
+    for posture in postures:
+        for pair in bodies.overlaps(posture, apart, TOUCHING_M):
+            counts[pair] = counts.get(pair, 0) + 1
+    often = {pair for pair, count in counts.items() if count >= MOST_POSTURES * POSTURES}
+    return tuple(sorted(often | set(bodies.overlaps(opened, apart, TOUCHING_M))))
 
 
 def _closed(
-    hand: HandModel,
+    bodies: _Bodies,
     opened: Float[np.ndarray, "joint"],
-    ends: Float[np.ndarray, "joint"],
+    flexed: Float[np.ndarray, "joint"],
     apart: Bool[np.ndarray, "link link"],
-) -> tuple[Float[np.ndarray, "joint"], Pair | None]:
-    shares = np.linspace(0.0, CLOSED_SHARE, STEPS + 1)
-    path = opened + shares[:, None] * (ends - opened)
-    found = link_overlaps(hand, torch.as_tensor(path, dtype=torch.float32), apart)
-    last, stopped_by = STEPS, None
-    for pair, depth in found.items():
-        deep = np.nonzero(depth > CLOSED_OVERLAP_M)[0]
-        if len(deep) and deep[0] - 1 < last:
-            last, stopped_by = max(1, int(deep[0]) - 1), pair
-    return path[last], stopped_by
+) -> tuple[Float[np.ndarray, "joint"], tuple[Pair, ...]]:
+    """Flexes all joints together; those between two links that meet stop, the others go on."""
+    joints, step = opened.copy(), (flexed - opened) / STEPS
+    free = step != 0
+    met: dict[Pair, None] = {}
+    for _ in range(STEPS):
+        trial = joints + np.where(free, step, 0.0)
+        for pair in bodies.overlaps(trial, apart, CLOSED_OVERLAP_M):
+            stopped = bodies.between(pair) & free
+            met[pair] = None
+            trial = np.where(stopped, joints, trial)
+            free &= ~stopped
+        joints = trial
+        if not free.any():
+            break
+    return joints, tuple(met)

@@ -80,8 +80,9 @@ def _joint(spec: HandSpec, found: Found, closing: Closing) -> Decision:
 
 
 def _closed(spec: HandSpec, found: Found) -> Decision:
-    stop = found.postures.stopped_by
-    until = f"'{stop[0]}' meets '{stop[1]}'" if stop else "the joints are near their limits"
+    met = [f"'{first}' and '{second}'" for first, second in found.postures.met]
+    named = ", ".join(met[:2]) + (", …" if len(met) > 2 else "")
+    until = f"fingers meet ({named})" if met else "the joints are near their limits"
     sure = float(np.clip(1.1 - 0.3 * float(found.grips.energy.mean()), 0.1, 0.99))
     return Decision("closed", f"{len(spec.closed)} joints", sure, f"closes until {until}")
 

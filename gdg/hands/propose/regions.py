@@ -22,6 +22,8 @@ MAX_REGIONS, MIN_SHARE = 4, 0.15
 #: A neighbour covers the surface if it stands higher than this above it, metres; convex parts of
 #: meshes bulge by about a millimetre.
 COVERED_M = 1.5e-3
+#: What floats higher than this above the surface leaves room for an object, metres.
+FREE_M = 0.01
 
 Corners = tuple[tuple[float, ...], ...]
 
@@ -101,9 +103,10 @@ def _relief(
     rows, columns = (np.arange(low[i] + step / 4, high[i], step) for i in (0, 1))
     grid = np.stack(np.meshgrid(rows, columns, indexing="ij"), -1).reshape(-1, 2)
     heights, tilt = _first_hits(parts, axes, grid)
-    covered = _first_hits(obstacles, axes, grid)[0] if len(obstacles) else np.full_like(heights, -9)
     usable = np.isfinite(heights) & (tilt > np.cos(np.radians(MAX_TILT_DEG)))
-    usable &= ~(np.nan_to_num(covered, nan=-9.0) > np.nan_to_num(heights) + COVERED_M)
+    for obstacle in obstacles:
+        bottom, top, _ = _spans(obstacle, axes, grid)
+        usable &= ~((top > heights + COVERED_M) & (bottom < heights + FREE_M))
     shape = len(rows), len(columns)
     return _Relief(heights.reshape(shape), usable.reshape(shape), rows, columns, axes)
 
@@ -113,23 +116,29 @@ def _first_hits(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Heights at which rays from outside meet the parts, and cosines of the faces met."""
     best, tilt = np.full(len(grid), np.nan), np.zeros(len(grid))
-    start = grid @ axes[:2]
     for part in parts:
-        planes = np.asarray(part.mesh.face_normals)
-        offsets = np.einsum("ij,ij->i", planes, part.mesh.triangles[:, 0])
-        slope, room = planes @ axes[2], offsets - start @ planes.T
-        upper, lower = slope > 1e-9, slope < -1e-9
-        if not (upper.any() and lower.any()):
-            continue
-        tops = room[:, upper] / slope[upper]
-        top, face = tops.min(1), tops.argmin(1)
-        bottom = (room[:, lower] / slope[lower]).max(1)
-        level = np.abs(slope) <= 1e-9
-        hit = (bottom < top) & (room[:, level] >= 0).all(1)
-        better = hit & ~(best >= top)
-        best[better] = top[better]
-        tilt[better] = slope[upper][face[better]]
+        _, top, cosine = _spans(part, axes, grid)
+        better = np.isfinite(top) & ~(best >= top)
+        best[better], tilt[better] = top[better], cosine[better]
     return best, tilt
+
+
+def _spans(
+    part: ConvexPart, axes: np.ndarray, grid: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Lowest and highest height of a part on each ray, and the cosine of its upper face.
+
+    NaN where the ray misses the part.
+    """
+    planes = np.asarray(part.mesh.face_normals)
+    offsets = np.einsum("ij,ij->i", planes, part.mesh.triangles[:, 0])
+    slope, room = planes @ axes[2], offsets - grid @ axes[:2] @ planes.T
+    upper, lower, level = slope > 1e-9, slope < -1e-9, np.abs(slope) <= 1e-9
+    tops = room[:, upper] / slope[upper]
+    top, cosine = tops.min(1), slope[upper][tops.argmin(1)]
+    bottom = (room[:, lower] / slope[lower]).max(1)
+    hit = (bottom < top) & (room[:, level] >= 0).all(1)
+    return np.where(hit, bottom, np.nan), np.where(hit, top, np.nan), cosine
 
 
 def _largest(relief: _Relief, free: np.ndarray) -> tuple[int, int, int, int] | None:

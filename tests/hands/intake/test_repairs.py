@@ -138,6 +138,7 @@ def test_a_mass_is_kept_where_only_the_inertia_is_no_number(tmp_path: Path):
         ((0, 0, 0), ""),
         ((-1e-6, 1e-6, 1e-6), ""),
         ((1e-6, 1e-6, 9e-6), ""),
+        ((4e-6, 4e-6, 8.3e-6), ""),
         ((1, 1, 1), ""),
         ((1e-12, 1e-12, 1e-12), ""),
         ((4e-6, 4e-6, 4e-6), '<origin xyz="0.3 0 0"/>'),

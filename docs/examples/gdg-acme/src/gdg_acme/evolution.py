@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from gdg.contact_maps import in_distance
+from gdg.contact_maps import values_on
 from gdg.data.contact_map import ContactMap
 from gdg.data.grasps import GraspSet
 from gdg.energies import penetration
@@ -62,7 +62,7 @@ class EvolutionFitter(Fitter):
         progress: Progress | None = None,
     ) -> GraspSet:
         """The best hand of each map's population, in the order of the maps; see the interface."""
-        targets = in_distance(maps, self.distance).to(hand.device)
+        targets = values_on(obj, maps, self.distance).to(hand.device)
         if self.options.sharpen:
             targets = self.distance.sharpen(targets)
         coarse, wanted = self._thinned(obj, targets)

@@ -8,7 +8,8 @@ import torch
 from descriptions import INERTIAL, box, joint, link, robot, write
 from proposals import draft_model
 
-from gdg.hands.propose.overlaps import Pair, link_overlaps, random_postures
+from gdg.hands.propose.sampling import random_postures
+from gdg.hands.self_collision import LinkBodies, Pair
 from gdg.kinds.hand_model import HandModel
 
 #: Edges of the two cubes, metres.
@@ -29,41 +30,31 @@ def cubes(tmp_path_factory: pytest.TempPathFactory) -> HandModel:
     return draft_model(write(tmp_path_factory.mktemp("cubes"), text), points=2000)
 
 
-def depths(
-    hand: HandModel, values: list[float], apart: np.ndarray | None = None
-) -> dict[Pair, np.ndarray]:
-    joints = torch.tensor([[value, 0.0] for value in values])
+def depths(hand: HandModel, value: float, ignored_m: float = 0.0) -> dict[Pair, float]:
+    Ts = hand.link_poses_in_root(torch.tensor([[value, 0.0]]))[0].double().numpy()
     every = ~np.eye(len(hand.link_names), dtype=bool)
-    return link_overlaps(hand, joints, every if apart is None else apart)
+    return LinkBodies(hand.hand).overlaps(Ts, every, ignored_m)
 
 
-def test_the_depth_is_that_of_the_deepest_point(cubes: HandModel):
-    values = [0.03, 0.029, 0.025, 0.02, 0.015]
-    (pair,) = depths(cubes, values)
-    assert pair == ("large", "small")
-    expected = [LARGE_M / 2 + SMALL_M / 2 - value for value in values]
-    np.testing.assert_allclose(depths(cubes, values)[pair], expected, atol=0.0008)
+@pytest.mark.parametrize("value", [0.029, 0.025, 0.02, 0.015])
+def test_the_depth_is_the_way_out(cubes: HandModel, value: float):
+    expected = {("large", "small"): LARGE_M / 2 + SMALL_M / 2 - value}
+    assert depths(cubes, value) == pytest.approx(expected, abs=1e-6)
 
 
-def test_pairs_that_never_touch_are_left_out(cubes: HandModel):
-    assert depths(cubes, [0.031, 0.05, 0.1]) == {}
+@pytest.mark.parametrize("value", [0.031, 0.05, 0.1])
+def test_pairs_that_are_apart_are_left_out(cubes: HandModel, value: float):
+    assert depths(cubes, value) == {}
 
 
-def test_a_posture_without_overlap_has_depth_zero(cubes: HandModel):
-    found = depths(cubes, [0.05, 0.02])
-    assert found["large", "small"][0] == 0
-    assert found["large", "small"][1] > 0.009
+def test_small_depths_are_left_out(cubes: HandModel):
+    assert depths(cubes, 0.029, ignored_m=0.002) == {}
+    assert depths(cubes, 0.027, ignored_m=0.002) != {}
 
 
 def test_only_the_pairs_asked_for_are_looked_at(cubes: HandModel):
-    assert depths(cubes, [0.0], np.zeros((3, 3), bool)) == {}
-
-
-def test_a_batch_of_one_equals_the_batch(cubes: HandModel):
-    values = [0.0, 0.013, 0.028, 0.06]
-    together = depths(cubes, values)["large", "small"]
-    alone = [depths(cubes, [value]).get(("large", "small"), np.zeros(1))[0] for value in values]
-    np.testing.assert_allclose(alone, together, atol=1e-7)
+    Ts = cubes.link_poses_in_root(torch.zeros(1, 2))[0].double().numpy()
+    assert LinkBodies(cubes.hand).overlaps(Ts, np.zeros((3, 3), bool), 0.0) == {}
 
 
 def test_random_postures_lie_within_the_limits_and_repeat(cubes: HandModel):
