@@ -34,11 +34,14 @@ def close_until_touch(
     for _ in range(STEPS):
         ahead = (goal - joints) * step.sign() > step.abs() / 2
         free = ahead & ~_held(hand, obj, root, joints, moves)
+        # a joint that would press a link into the object keeps its value; twice, since joints
+        # that stop change where those that go on take their links
+        for _ in range(2):
+            trial = joints + torch.where(free, step, torch.zeros_like(step))
+            free &= ~_held(hand, obj, root, trial, moves)
         if not free.any():
             break
-        trial = joints + torch.where(free, step, torch.zeros_like(step))
-        # a joint that would press a link into the object keeps its value
-        joints = torch.where(_held(hand, obj, root, trial, moves), joints, trial)
+        joints = joints + torch.where(free, step, torch.zeros_like(step))
     return torch.cat((root, joints), dim=-1)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -44,6 +45,7 @@ def new_hand(
     picture.png. Correct hand.yaml where needed, then run gdg hands check.
     """
     from gdg.hands.create import create_hand, name_from
+    from gdg.testing.findings import errors_in
     from gdg.testing.fixtures import model_of
     from gdg.testing.hand import inspect
 
@@ -67,6 +69,9 @@ def new_hand(
         click.echo(f"{finding.severity}: {one_line(str(finding))}")
     _print_arm(made)
     click.echo(f"{folder}: hand.yaml, {made.intake.urdf.name}, report.html, picture.png")
+    if errors_in(findings):
+        click.echo(f"Next: mend the errors in hand.yaml, then gdg hands check {_as_path(folder)}")
+        sys.exit(2)
     click.echo(f"Next: look at the report, then gdg grasp hand={_as_path(folder)} object=apple")
 
 

@@ -35,6 +35,8 @@ from gdg.kinds.hand_model import HandModel
 
 #: Mean energy of the grips from which on a hand holds no ball.
 NO_GRIP = 6.0
+#: More actuated joints than these are no hand's (a human hand on its arm has about 35).
+MOST_JOINTS = 60
 
 
 @dataclass(frozen=True)
@@ -70,6 +72,12 @@ def propose(
         GdgError: nothing moves, or the hand can't hold anything between its links.
     """
     urdf = read_urdf(intake.urdf)
+    joints = _actuated(urdf, intake)
+    if len(joints) > MOST_JOINTS:
+        raise GdgError(
+            f"{urdf.path}: {len(joints)} joints move by themselves, more than a hand's. If it is a "
+            f"whole robot, name the hand's first link with --root."
+        )
     parts = link_parts(urdf, folder, intake.geometry)
     structure = find_structure(urdf, parts)
     draft = HandSpec(
@@ -78,7 +86,7 @@ def propose(
         geometry=intake.geometry,
         root_link=urdf.root,
         palm=Palm(link=structure.palm, normal=(0, 0, 1), center=(0, 0, 0)),
-        joints=_actuated(urdf, intake),
+        joints=joints,
         contact_regions={},
         provenance=Provenance(source=intake.source, licence=intake.licence or "unknown"),
     )

@@ -136,9 +136,12 @@ def test_what_a_neighbour_covers_is_left_out():
     assert inner_regions([part], X, Z, [whole]) == []
 
 
-def test_a_neighbour_in_front_with_a_gap_covers_too():
-    cover = box_part((0.01, 0.03, 0.05), (0.03, 0, 0), "neighbour")
-    assert inner_regions([box_part(SIZE)], X, Z, [cover]) == []
+def test_a_neighbour_in_front_covers_unless_there_is_room_for_an_object():
+    part, front = box_part(SIZE), SIZE[0] / 2
+    near = box_part((0.01, 0.03, 0.05), (front + 0.009, 0, 0), "neighbour")
+    assert inner_regions([part], X, Z, [near]) == []
+    far = box_part((0.01, 0.03, 0.05), (front + 0.02, 0, 0), "neighbour")
+    assert inner_regions([part], X, Z, [far]) == inner_regions([part], X, Z)
 
 
 @pytest.mark.parametrize("size", [(0.01, 0.002, 0.04), (0.01, 0.0025, 0.0025)])
