@@ -135,14 +135,15 @@ def load_hand(folder: Path) -> Hand:
     if not os.path.isfile(urdf_path):
         raise GdgError(f"{folder / MANIFEST}: urdf: there is no file '{spec.urdf}' in {folder}.")
     urdf = read_urdf(urdf_path)
-    raise_if_any([f"{folder / MANIFEST}: {text}" for text in _mismatches(spec, urdf)])
+    raise_if_any([f"{folder / MANIFEST}: {text}" for text in reference_mistakes(spec, urdf)])
     parts = link_parts(urdf, folder, spec.geometry)
     meshes = [np.ascontiguousarray(part.mesh.vertices).tobytes() for part in parts]
     key = content_hash(spec.model_dump_json(), urdf_path.read_bytes(), *meshes)
     return Hand(folder, spec, urdf, parts, key)
 
 
-def _mismatches(spec: HandSpec, urdf: Urdf) -> Iterable[str]:
+def reference_mistakes(spec: HandSpec, urdf: Urdf) -> Iterable[str]:
+    """Names and values of a manifest that do not fit the URDF, each beginning with its place."""
     for place, link in spec.link_references():
         if link not in urdf.links:
             hint = did_you_mean(link, urdf.links)

@@ -347,6 +347,113 @@ def test_mistakes_in_manifest_and_urdf_are_told_together(tmp_path: Path):
     assert any("two_jaws.urdf: joint 'close': its axis must not be zero" in t for t in problems)
 
 
+def lift_a_region(manifest: dict[str, Any]) -> None:
+    for corner in manifest["contact_regions"]["finger_1_distal"][1]:
+        corner[1] += 0.03
+
+
+def delete_the_licence(manifest: dict[str, Any]) -> None:
+    del manifest["provenance"]["licence"]
+
+
+def make_a_spring_negative(manifest: dict[str, Any]) -> None:
+    manifest["drives"]["default"]["stiffness"] = -1
+
+
+def mistype_the_root(manifest: dict[str, Any]) -> None:
+    manifest["root_link"] = "plam"
+
+
+def mistype_an_open_joint(manifest: dict[str, Any]) -> None:
+    manifest["open"]["spreed"] = manifest["open"].pop("spread")
+
+
+def mistype_a_joint(manifest: dict[str, Any]) -> None:
+    manifest["joints"][0] = "spreed"
+
+
+def mistype_a_touching_link(manifest: dict[str, Any]) -> None:
+    manifest["contact_regions"]["finger_2_dital"] = manifest["contact_regions"].pop(
+        "finger_2_distal"
+    )
+
+
+def mistype_a_section(manifest: dict[str, Any]) -> None:
+    manifest["clsoed"] = manifest.pop("closed")
+
+
+def flatten_a_region(manifest: dict[str, Any]) -> None:
+    manifest["contact_regions"]["finger_1_distal"][0] = [[0, 0, 0] for _ in range(4)]
+
+
+def lengthen_the_normal(manifest: dict[str, Any]) -> None:
+    manifest["palm"]["normal"] = [0, 0, 2]
+
+
+LIFTED = "contact_regions.finger_1_distal[1]: lies up to"
+TURNED = "palm.normal: must point out of the palm"
+
+
+@pytest.mark.parametrize(
+    ("changes", "problems"),
+    [
+        (
+            (delete_the_licence, make_a_spring_negative, lift_a_region, invert_the_palm),
+            ["drives.default.stiffness", "provenance.licence: must be given", LIFTED, TURNED],
+        ),
+        (
+            (mistype_the_root, mistype_an_open_joint, mistype_a_touching_link, lift_a_region),
+            [
+                "root_link: link 'plam'", "contact_regions.finger_2_dital: link",
+                "open.spreed: joint", LIFTED,
+            ],
+        ),
+        (
+            (delete_the_licence, mistype_the_root, forget_the_source, move_the_palm),
+            ["licence: must", "root_link: link 'plam'", "source: is empty", "palm.center: lies"],
+        ),
+        (
+            (flatten_a_region, mistype_a_joint, lift_a_region, rename),
+            [
+                "finger_1_distal.0: the corners span no", "joints[0]: joint 'spreed'",
+                LIFTED, "name: is 'barret'", "open.spread: joint", "closed.spread: joint",
+            ],
+        ),
+        (
+            (mistype_a_section, lengthen_the_normal, forget_the_title, open_too_far, lift_a_region),
+            ["clsoed: there is no", "palm.normal: must be a unit", "open.spread: 9 is", LIFTED],
+        ),
+    ],
+)  # fmt: skip
+def test_what_is_refused_hides_no_other_mistake(
+    changes: tuple[Change, ...], problems: list[str], barrett: Path
+):
+    for change in changes:
+        rewrite(barrett, change)
+    told = check_hand(barrett)
+    assert [sum(problem in text for text in told) for problem in problems] == [1] * len(problems)
+    assert len(told) == len(problems), told
+
+
+def test_a_lost_mesh_is_told_beside_a_refused_manifest(tmp_path: Path):
+    folder = write_gripper(tmp_path)
+    replace_in_urdf(folder, r"<box [^>]*/>", '<mesh filename="one.stl"/>')
+    rewrite(folder, lambda manifest: manifest.update(provenance={}))
+    assert ["one.stl" in text for text in check_hand(folder)].count(True) == 1
+
+
+@pytest.mark.parametrize("section", [
+    "name", "title", "urdf", "geometry", "root_link", "palm", "joints", "open", "closed",
+    "contact_regions", "allowed_self_contacts", "drives", "provenance",
+])  # fmt: skip
+def test_mending_a_section_causes_no_finding(section: str, barrett: Path):
+    rewrite(barrett, lambda manifest: manifest.update({section: 5}))
+    assert all(f"hand.yaml: {section}" in str(finding) for finding in inspect_hand(barrett))
+    assert inspect_hand(barrett)
+    rewrite(barrett, lambda manifest: manifest.update({section: {"nonsense": [{}]}}))
+    assert all(f"hand.yaml: {section}" in str(finding) for finding in inspect_hand(barrett))
+
+
 def test_all_lost_meshes_are_told_together(tmp_path: Path):
     folder = write_gripper(tmp_path)
     for name in ("one", "two"):

@@ -9,7 +9,6 @@ import numpy as np
 import torch
 from jaxtyping import Bool, Float
 
-from gdg.closure import moved_links
 from gdg.hands.propose.closing import Closing, spreads
 from gdg.hands.propose.probe import Grips
 from gdg.hands.propose.sampling import random_postures
@@ -77,7 +76,7 @@ class _Bodies:
 
     def __init__(self, hand: HandModel):
         self.hand = hand
-        self.moves = moved_links(hand).numpy()
+        self._paths = _paths(hand)
         self._bodies = LinkBodies(hand.hand)
 
     def overlaps(
@@ -93,8 +92,9 @@ class _Bodies:
 
     def between(self, pair: Pair) -> Bool[np.ndarray, "joint"]:
         """Which joints move the links of a pair against each other."""
-        first, second = (self.hand.link_names.index(name) for name in pair)
-        return self.moves[:, first] != self.moves[:, second]
+        coupling = self.hand.hand.coupling[0]
+        between = self._paths[pair[0]] ^ self._paths[pair[1]]
+        return (coupling[sorted(between)] != 0).any(0)
 
     def let_touch(self, pairs: Sequence[Pair], apart: Bool[np.ndarray, "link link"]) -> None:
         """Takes pairs out of those that must stay apart."""
@@ -160,6 +160,16 @@ def _equal(
     for members in groups.values():
         equal[members] = values[members].mean()
     return equal
+
+
+def _paths(hand: HandModel) -> dict[str, frozenset[int]]:
+    """Link -> the moving joints between it and the root, as rows of the coupling."""
+    rows = {joint.name: row for row, joint in enumerate(hand.hand.moving_joints)}
+    paths: dict[str, frozenset[int]] = {hand.hand.urdf.root: frozenset()}
+    for joint in hand.hand.urdf.joints.values():  # parents before children
+        own = {rows[joint.name]} if joint.name in rows else set()
+        paths[joint.child] = paths[joint.parent] | own
+    return paths
 
 
 def _apart(

@@ -36,22 +36,7 @@ USUAL: tuple[tuple[str, int | None], ...] = (
 #: Each hand's with ``--every-hand``; None is the hand as generated.
 SEEDS = (None, 0, 1, 2)
 #: (check, hand as in the test's name) -> why it fails.
-KNOWN_FAILURES: dict[tuple[str, str], str] = {
-    **{
-        ("test_the_folder_passes_the_conformance_kit", hand): "links overlap by more than 3 mm"
-        for hand in (
-            "adapter_plate", "left_hand", "symmetric_limits", "underactuated", "flexion_first",
-            "forearm", "bare_roots", "split_palm", "three_opposed-scrambled1",
-        )
-    },
-    **{
-        ("test_closing_moves_every_fingertip", hand): "the first links that meet stop all joints"
-        for hand in ("adapter_plate", "left_hand")
-    },
-    ("test_every_fingertip_has_regions_on_its_inner_side", "left_hand"): (
-        "the open thumb lies at the palm, which counts as covering its pad"
-    ),
-}  # fmt: skip
+KNOWN_FAILURES: dict[tuple[str, str], str] = {}
 #: What closing moves a fingertip by at least, metres.
 LEAST_MOTION_M = 0.015
 
