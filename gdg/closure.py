@@ -65,9 +65,12 @@ def _held(
     joints: Float[Tensor, "batch joint"],
     moves: Bool[Tensor, "joint link"],
 ) -> Bool[Tensor, "batch joint"]:
-    """Which joints move a link that touches the object."""
-    distance = obj.sdf.distance(hand.surface_points(torch.cat((root, joints), dim=-1)))
-    nearest = distance.new_full((len(joints), moves.shape[1]), torch.inf)
-    index = hand.surface.link_index.expand_as(distance)
-    nearest.scatter_reduce_(1, index, distance, "amin")
+    """Which joints move a link that touches the object, by its surface or its inscribed spheres."""
+    Ts = hand.link_poses(torch.cat((root, joints), dim=-1))
+    spheres = hand.spheres
+    centers = hand.place(Ts, spheres.centers, spheres.link_index)
+    gaps = (obj.sdf.distance(hand.place_surface(Ts)), obj.sdf.distance(centers) - spheres.radii)
+    nearest = gaps[0].new_full((len(joints), moves.shape[1]), torch.inf)
+    for gap, link in zip(gaps, (hand.surface.link_index, spheres.link_index)):
+        nearest.scatter_reduce_(1, link.expand_as(gap), gap, "amin")
     return ((nearest <= TOUCH_M)[:, None] & moves).any(-1)
