@@ -47,15 +47,9 @@ def close_until_touch(
 
 def moved_links(hand: HandModel) -> Bool[Tensor, "joint link"]:
     """Which links each actuated joint moves relative to the root, mimic joints included."""
-    tree, coupling = hand.hand.urdf, hand.hand.coupling[0]
-    rows = {joint.name: row for row, joint in enumerate(hand.hand.moving_joints)}
-    number = {name: index for index, name in enumerate(hand.link_names)}
-    moves = np.zeros((len(hand.joint_names), len(number)), bool)
-    for joint in tree.joints.values():  # parents before children
-        inherited = moves[:, number[joint.parent]]
-        own = coupling[rows[joint.name]] != 0 if joint.name in rows else False
-        moves[:, number[joint.child]] = inherited | own
-    return torch.as_tensor(moves, device=hand.device)
+    coupling, above = hand.hand.coupling[0], hand.hand.rows_above
+    moves = [(coupling[sorted(above[name])] != 0).any(0) for name in hand.link_names]
+    return torch.as_tensor(np.stack(moves, axis=1), device=hand.device)
 
 
 def _held(

@@ -1,7 +1,7 @@
 """Conversions between the optimiser's pose vector and 4×4 poses.
 
 q is (translation 3 in metres, rot6d 6, joints N): rot6d holds the first two *rows* of the
-rotation matrix, as the GenDexGrasp release stores it.
+rotation matrix. Published datasets store columns (``gdg.data.layouts.rotations``).
 """
 
 from __future__ import annotations

@@ -9,9 +9,9 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gdg.data.grasps import GraspSet
-from gdg.energies import penetration_depth
 from gdg.kinds.hand_model import HandModel
 from gdg.objects.model import ObjectModel
+from gdg.penetration import penetration_depth
 from gdg.protocols import Protocol, Refinement
 from gdg.rotations import ROOT_DIM
 

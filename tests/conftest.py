@@ -20,12 +20,13 @@ settings.load_profile("gdg")
 
 # Every annotated function and dataclass of these is checked when it is called. The rest (command
 # line, config, registry) handles no arrays, and checking it would add seconds to each run;
-# gdg.nearest holds functions compiled by numba, which can't compile the checker.
+# gdg.nearest and gdg.penetration hold functions compiled by numba, which can't compile the checker.
 install_import_hook(
     [
-        "gdg.contact_maps", "gdg.data", "gdg.energies", "gdg.force_closure", "gdg.geometry",
+        "gdg.contact_maps", "gdg.data", "gdg.force_closure", "gdg.geometry",
         "gdg.hands", "gdg.initial_poses", "gdg.kinds", "gdg.metrics", "gdg.objects",
-        "gdg.rotations", "gdg.starts", "gdg.training", "gdg_plugins",
+        "gdg.quality.fingers", "gdg.quality.overlap",
+        "gdg.quality.wrench_space", "gdg.rotations", "gdg.starts", "gdg.training", "gdg_plugins",
     ],
     "beartype.beartype",
 )  # fmt: skip
@@ -47,6 +48,11 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         "--every-hand",
         action="store_true",
         help="propose manifests for every made-up hand, in scrambled frames, too (many minutes)",
+    )
+    parser.addoption(
+        "--every-moment",
+        action="store_true",
+        help="kill workers, drivers and Ray nodes of gdg synth at 20 moments, not 6 (minutes)",
     )
 
 

@@ -11,7 +11,6 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from torch import Tensor
 
-from gdg.energies import penetration_depth
 from gdg.hands.hand import find_hand
 from gdg.initial_poses import (
     LARGEST_CLOSURE,
@@ -23,6 +22,7 @@ from gdg.initial_poses import (
 )
 from gdg.kinds.hand_model import HandModel
 from gdg.objects.model import ObjectModel, find_object
+from gdg.penetration import penetration_depth
 from gdg.rotations import ROOT_DIM, random_rotations, root_pose
 
 COUNT = 64

@@ -3,35 +3,32 @@
 from __future__ import annotations
 
 import math
+import time
+from dataclasses import replace
 
+import numpy as np
 import pytest
 import torch
+from grasp_samples import make_verdict
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from gdg.data.grasps import GraspSet
-from gdg.data.verdict import Verdict
-from gdg.metrics import joint_diversity, penetration_stats, wilson_interval
+from gdg.kinds.hand_model import HandModel
+from gdg.metrics import (
+    direction_coverage,
+    distinct_grasps,
+    joint_diversity,
+    penetration_stats,
+    wilson_interval,
+)
+from gdg.rotations import random_rotations
 
 
 def make_grasps(joints: list[list[float]], passed: list[bool], depths: list[float]) -> GraspSet:
     verdicts = tuple(
-        Verdict(
-            success=ok,
-            failure="" if ok else "moved",
-            displacement_m=(0.0,) * 6,
-            rotation_rad=(0.0,) * 6,
-            drift_m=0.0,
-            contact_kept=(True,) * 6,
-            penetration_start_mm=depth,
-            penetration_end_mm=0.0,
-            free_displacement_m=0.1,
-            shift_successes=(ok,),
-            protocol="p-v1",
-            engine="e 1",
-            refined=False,
-            seconds=0.0,
-        )
+        make_verdict(ok, penetration_start_mm=depth)
         for ok, depth in zip(passed, depths, strict=True)
     )
     values = torch.tensor(joints)
@@ -92,3 +89,64 @@ def test_penetration_is_over_all_simulated_grasps():
     assert (stats.mean_mm, stats.median_mm, stats.max_mm) == (2.0, 1.5, 5.0)
     assert stats.p95_mm == pytest.approx(4.55)
     assert penetration_stats(make_grasps([[0.0]], [True], [1.0]).select([])) is None
+
+
+def posed(rotations: torch.Tensor, places: torch.Tensor, passed: bool = True) -> GraspSet:
+    grasps = make_grasps(
+        [[0.0]] * len(rotations), [passed] * len(rotations), [0.0] * len(rotations)
+    )
+    poses = torch.eye(4).repeat(len(rotations), 1, 1)
+    poses[:, :3, :3], poses[:, :3, 3] = rotations, places
+    return replace(grasps, root_link="base", joint_names=("close",), poses=poses)
+
+
+def about_x(*degrees: float) -> torch.Tensor:
+    turns = Rotation.from_euler("x", np.array(degrees)[:, None], degrees=True)
+    return torch.as_tensor(turns.as_matrix(), dtype=torch.float32)
+
+
+def test_the_palm_s_side_is_counted_once(gripper_model: HandModel):
+    # the gripper's palm looks along z: up, up, down
+    grasps = posed(about_x(0, 5, 180), torch.zeros(3, 3))
+    assert direction_coverage(gripper_model, grasps) == pytest.approx(2 / 48)
+    assert direction_coverage(gripper_model, replace(grasps, verdicts=())) == 0.0
+    assert direction_coverage(gripper_model, posed(about_x(0), torch.zeros(1, 3), False)) == 0.0
+
+
+def test_random_directions_cover_what_even_cells_lead_to_expect(gripper_model: HandModel):
+    rotations = random_rotations(1000, torch.Generator().manual_seed(0))
+    every = posed(rotations, torch.zeros(1000, 3))
+    assert direction_coverage(gripper_model, every) == 1.0
+    shares = [
+        direction_coverage(gripper_model, every.select(range(k, k + 50)))
+        for k in range(0, 1000, 50)
+    ]
+    assert np.mean(shares) == pytest.approx(1 - (1 - 1 / 48) ** 50, abs=0.02)
+
+
+def test_grasps_are_distinct_by_place_or_by_rotation():
+    places = torch.tensor([[0.0, 0, 0], [0.009, 0, 0], [0.011, 0, 0], [0.0, 0, 0], [0.0, 0, 0]])
+    assert distinct_grasps(posed(about_x(0, 0, 0, 14, 16), places)) == 3
+    assert distinct_grasps(posed(about_x(0, 0, 0, 14, 16), places), place_m=0.1) == 2
+    assert distinct_grasps(posed(about_x(0, 0, 0, 14, 16), places), rotation_rad=4.0) == 2
+    assert distinct_grasps(posed(about_x(0, 90), torch.zeros(2, 3), passed=False)) == 0
+
+
+@given(st.integers(0, 1000))
+def test_the_count_of_distinct_grasps_outlasts_copies_and_turns(seed: int):
+    generator = torch.Generator().manual_seed(seed)
+    rotations = random_rotations(8, generator)
+    places = 0.02 * torch.randn(8, 3, generator=generator)
+    count = distinct_grasps(posed(rotations, places))
+    assert 1 <= count <= 8
+    assert distinct_grasps(posed(rotations.repeat(2, 1, 1), places.repeat(2, 1))) == count
+    R = random_rotations(1, generator)[0]
+    assert distinct_grasps(posed(R @ rotations, places @ R.T)) == count
+
+
+def test_a_thousand_grasps_are_counted_quickly():
+    generator = torch.Generator().manual_seed(0)
+    grasps = posed(random_rotations(1000, generator), torch.randn(1000, 3, generator=generator))
+    start = time.process_time()
+    assert distinct_grasps(grasps) == 1000
+    assert time.process_time() - start < 2.0

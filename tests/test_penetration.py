@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -12,11 +13,18 @@ from conftest import build_model
 from gripper import OPEN_M
 from torch import Tensor
 
-from gdg.energies import nearest_point_penetration, penetration, penetration_depth
-from gdg.hands.hand import Hand
+from gdg.hands.hand import Hand, find_hand
+from gdg.initial_poses import above_surface
 from gdg.kinds.hand_model import HandModel
-from gdg.objects.model import ObjectModel, load_object
-from gdg.rotations import q_from_pose
+from gdg.objects.model import ObjectModel, find_object, load_object
+from gdg.penetration import (
+    eager,
+    nearest_point_penetration,
+    penetration,
+    penetration_depth,
+    self_penetration,
+)
+from gdg.rotations import ROOT_DIM, q_from_pose
 
 #: Half the edge of the bundled cube, metres.
 HALF_M = 0.02
@@ -125,3 +133,67 @@ def test_nearest_point_form_pulls_points_out(slab: ObjectModel):
     (gradient,) = torch.autograd.grad(nearest_point_penetration(slab, hand).sum(), hand)
     assert gradient[0, 0, 2] < -0.4
     assert gradient[0, 1].abs().max() == 0
+
+
+# -- compiled and eager ------------------------------------------------------------------------
+
+
+def scattered(hand: HandModel, obj: ObjectModel, count: int = 32) -> Tensor:
+    """Link poses in, at and around an object, joints anywhere in their ranges."""
+    generator = torch.Generator().manual_seed(0)
+    q = above_surface(hand, obj, count, generator, gap_m=(-0.06, 0.06))
+    share = torch.rand(count, len(hand.lower), generator=generator)
+    q[:, ROOT_DIM:] = hand.lower + share * (hand.upper - hand.lower)
+    q[0, 0] += 0.5  # out of the grid of distances
+    return hand.link_poses(q)
+
+
+def value_and_gradient(energy: Callable[[Tensor], Tensor], Ts: Tensor) -> tuple[Tensor, Tensor]:
+    Ts = Ts.clone().requires_grad_(True)
+    value = energy(Ts)
+    return value.detach(), torch.autograd.grad(value.sum(), Ts)[0]
+
+
+@pytest.mark.parametrize("name", ["allegro", "barrett"])
+@pytest.mark.parametrize(("stride", "margin_m"), [(1, 0.0), (4, 0.0), (1, 0.003)])
+def test_compiled_penetration_is_the_eager_one(name: str, stride: int, margin_m: float):
+    hand, mug = build_model(find_hand(name)), find_object("mug")
+    Ts = scattered(hand, mug)
+    fast = value_and_gradient(lambda T: penetration(hand, mug, T, stride, margin_m).summed, Ts)
+    slow = value_and_gradient(
+        lambda T: eager.object_penetration(hand, mug.sdf, T, stride, margin_m)[0], Ts
+    )
+    assert slow[0].max() > 0.02
+    torch.testing.assert_close(fast[0], slow[0], rtol=1e-5, atol=1e-6)
+    torch.testing.assert_close(fast[1], slow[1], rtol=1e-4, atol=1e-3)
+    depth = eager.object_penetration(hand, mug.sdf, Ts, stride, margin_m)[1]
+    found = penetration(hand, mug, Ts, stride, margin_m).depth
+    torch.testing.assert_close(found, depth, rtol=1e-5, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["allegro", "shadowhand", "ezgripper"])
+def test_compiled_self_penetration_is_the_eager_one(name: str):
+    hand = build_model(find_hand(name))
+    Ts = scattered(hand, find_object("mug"))
+    fast = value_and_gradient(lambda T: self_penetration(hand, T), Ts)
+    slow = value_and_gradient(lambda T: eager.self_penetration(hand, T), Ts)
+    assert slow[0].max() > 0.01
+    # the eager one subtracts squares, which rounds by up to 0.1 mm per touching pair
+    torch.testing.assert_close(fast[0], slow[0], rtol=1e-3, atol=1e-4)
+    torch.testing.assert_close(fast[1], slow[1], rtol=0.02, atol=0.02)
+
+
+def test_a_pose_that_is_not_finite_gives_nan_and_spoils_no_other(
+    gripper_model: HandModel, cube: ObjectModel
+):
+    good = gripper_model.link_poses(torch.cat([pose(OPEN_M - HALF_M + 0.004)] * 3))
+    for bad in (math.nan, math.inf):
+        Ts = good.clone()
+        Ts[1, 0, 0, 3] = bad
+        for found, wanted in (
+            (penetration(gripper_model, cube, Ts).summed,
+             penetration(gripper_model, cube, good).summed),
+            (self_penetration(gripper_model, Ts), self_penetration(gripper_model, good)),
+        ):  # fmt: skip
+            assert found[1].isnan()
+            assert torch.equal(found[[0, 2]], wanted[[0, 2]])

@@ -10,11 +10,11 @@ from conftest import build_model
 from gripper import OPEN_M
 
 from gdg.data.grasps import GraspSet
-from gdg.energies import penetration_depth
 from gdg.hands.hand import find_hand
 from gdg.initial_poses import around_sphere
 from gdg.kinds.hand_model import HandModel
 from gdg.objects.model import ObjectModel
+from gdg.penetration import penetration_depth
 from gdg.protocols import Protocol, Refinement, load_protocol
 from gdg.rotations import ROOT_DIM
 from gdg.starts import BACK_OUT_STEPS, backed_out, contact_aware_targets, prepare

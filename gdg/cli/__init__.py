@@ -18,6 +18,7 @@ COMMANDS = {
     "eval": ("gdg.cli.evaluate:evaluate", "Test a grid of hands, objects and settings."),
     "synth": ("gdg.cli.synth:synth", "Synthesise a dataset of force-closure grasps."),
     "train": ("gdg.cli.train:train", "Train a contact-map generator on a dataset."),
+    "data": ("gdg.cli.data:data", "Inspect, check, merge and split datasets."),
     "hands": ("gdg.cli.hands:hands", "List, show and check hands."),
     "objects": ("gdg.cli.objects:objects", "List and show objects."),
     "plugins": ("gdg.cli.plugins:plugins", "List components, plugins and what is broken."),

@@ -1,82 +1,43 @@
-"""Grasp datasets: Parquet shards in folders ``hand=…/object=…``, one grasp per row.
-
-A shard is complete or absent, never half. Its schema metadata holds, under ``gdg``, what is the
-same for all its rows, so that a listing reads only file footers::
-
-    <root>/hand=allegro/object=mug/part-<key>.parquet
-"""
+"""Grasp datasets: written, read and streamed, one grasp per row (see ``gdg.data.shards``)."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any
-from urllib.parse import quote
 
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
-import torch
-from torch import Tensor
 
 from gdg.data.atomic import atomic_path
+from gdg.data.columns import METRIC_PREFIX, grasps_of, parts_of, table_of
 from gdg.data.grasps import GraspSet
-from gdg.data.verdict import Verdict
+from gdg.data.hashes import checksum_of, content_of, grasp_ids
+from gdg.data.json_values import finite_or_none
+from gdg.data.shards import (
+    CHECKSUM_KEY,
+    METADATA_KEY,
+    OPTIONAL,
+    REQUIRED,
+    SCHEMA,
+    UNREADABLE,
+    ShardInfo,
+    iterate_shards,
+    read_info,
+    shard_path,
+    shards,
+    unreadable,
+)
 from gdg.errors import GdgError
 
-SCHEMA = "gdg-dataset-1"
-METADATA_KEY = b"gdg"
-ENERGY_PREFIX = "energy_"
-#: Facts of a shard's hand and object that its writer must give.
-REQUIRED = ("hand_hash", "object_hash", "split")
-#: Facts that it may give.
-OPTIONAL = ("hand_path", "object_path", "object_scale")
+__all__ = ["ShardInfo", "read_shard", "shard_path", "shards", "stream_grasps", "write_shard"]
 
-_NUMBERS = pa.list_(pa.float32())
-
-
-@dataclass(frozen=True)
-class ShardInfo:
-    """What a shard's footer says.
-
-    Attributes:
-        path: the file.
-        key: the key that it was written under.
-        hand: the hand's name.
-        object_name: the object's name.
-        hand_hash: content hash of the hand folder.
-        object_hash: content hash of the object's geometry.
-        split: ``train``, ``test`` or ``""`` for an object without a manifest.
-        joint_names: columns of the joint values.
-        root_link: the link whose poses are stored.
-        hand_path: what to load the hand by, if its name does not find it.
-        object_path: what to load the object by, if its name does not find it.
-        object_scale: factor from the mesh's unit to metres.
-        count: grasps in the file.
-        provenance: of the grasps.
-    """
-
-    path: Path
-    key: str
-    hand: str
-    object_name: str
-    hand_hash: str
-    object_hash: str
-    split: str
-    joint_names: tuple[str, ...]
-    root_link: str
-    hand_path: str = ""
-    object_path: str = ""
-    object_scale: float = 1.0
-    count: int = 0
-    provenance: dict[str, Any] = field(default_factory=dict)
-
-
-def shard_path(root: Path, hand: str, object_name: str, key: str) -> Path:
-    """Where the shard of a key lies; names are percent-encoded as Hive-style readers expect."""
-    folder = root / f"hand={quote(hand, safe='+')}" / f"object={quote(object_name, safe='+')}"
-    return folder / f"part-{key}.parquet"
+#: Rows per row group: what a reader holds in memory at least.
+ROW_GROUP = 16384
+#: Figures of the verdicts that a shard's footer sums up, in millimetres.
+VERDICT_FIGURES = ("penetration_start_mm", "penetration_end_mm")
 
 
 def write_shard(root: Path, key: str, grasps: GraspSet, provenance: Mapping[str, Any]) -> Path:
@@ -87,10 +48,10 @@ def write_shard(root: Path, key: str, grasps: GraspSet, provenance: Mapping[str,
     Args:
         root: the dataset's folder.
         key: names the shard; the same key of the same pair replaces it.
-        grasps: what to store; verdicts, targets, energies and status where it has them.
+        grasps: what to store, with all it has; none at all where the pair gave none.
         provenance: ``hand_hash``, ``object_hash``, ``split``, optionally ``hand_path``,
-            ``object_path`` and
-            ``object_scale``; other entries join the grasps' own provenance.
+            ``object_path``, ``object_scale`` and ``reason`` (why there are no grasps); other
+            entries join the grasps' own provenance.
 
     Raises:
         GdgError: a required fact is missing.
@@ -100,33 +61,34 @@ def write_shard(root: Path, key: str, grasps: GraspSet, provenance: Mapping[str,
         raise GdgError(f"write_shard: the provenance lacks {', '.join(missing)}.")
     facts = {name: provenance[name] for name in (*REQUIRED, *OPTIONAL) if name in provenance}
     rest = {name: value for name, value in provenance.items() if name not in facts}
+    ids = grasp_ids(facts["hand_hash"], facts["object_hash"], grasps.poses, grasps.joints)
     header = {
         "schema": SCHEMA,
+        "key": key,
         "hand": grasps.hand,
         "object": grasps.object_name,
         "joint_names": list(grasps.joint_names),
         "root_link": grasps.root_link,
+        "parts": parts_of(grasps),
+        "content": content_of(ids, [verdict.success for verdict in grasps.verdicts]),
+        "summary": _summary(grasps),
         **facts,
         "provenance": {**grasps.provenance, **rest},
     }
-    table = pa.table(_columns(grasps))
-    table = table.replace_schema_metadata({METADATA_KEY: json.dumps(header).encode()})
+    text = json.dumps(finite_or_none(header), allow_nan=False).encode()
+    table = table_of(grasps, ids)
+    checksum = checksum_of(text, table).encode("ascii")
+    table = table.replace_schema_metadata({METADATA_KEY: text, CHECKSUM_KEY: checksum})
     path = shard_path(root, grasps.hand, grasps.object_name, key)
     with atomic_path(path) as temporary:
-        pq.write_table(table, temporary, compression="zstd")
+        pq.write_table(
+            table,
+            temporary,
+            compression="zstd",
+            row_group_size=ROW_GROUP,
+            write_page_checksum=True,
+        )
     return path
-
-
-def shards(root: Path) -> list[ShardInfo]:
-    """Every shard below a folder, sorted by path; only file footers are read.
-
-    Raises:
-        GdgError: there is no such folder, or a Parquet file in it is no shard.
-    """
-    if not root.is_dir():
-        raise GdgError(f"{root}: there is no such folder of grasps; 'gdg synth' writes one.")
-    files = (p for p in root.rglob("*.parquet") if not p.name.startswith("."))
-    return [_info(path) for path in sorted(files)]
 
 
 def read_shard(path: Path) -> GraspSet:
@@ -135,83 +97,91 @@ def read_shard(path: Path) -> GraspSet:
     Raises:
         GdgError: the file can't be read or is no shard.
     """
-    info = _info(path)
+    info = read_info(path)
     try:
-        # the file itself: a path with key=value folders would add columns of these names
-        with pq.ParquetFile(path) as stored:
-            table = stored.read()
-        return _grasps(info, table)
-    except (pa.ArrowException, OSError, ValueError, KeyError, TypeError, RuntimeError) as error:
-        raise _unreadable(path, error) from error
+        return grasps_of(info, read_table(path))
+    except UNREADABLE as error:
+        raise unreadable(path, error) from error
 
 
-def _columns(grasps: GraspSet) -> dict[str, pa.Array]:
-    columns = {
-        "joints": pa.array(grasps.joints.float().cpu().tolist(), _NUMBERS),
-        "pose": pa.array(grasps.poses.float().cpu().flatten(1).tolist(), _NUMBERS),
-    }
-    if grasps.targets is not None:
-        columns["targets"] = pa.array(grasps.targets.float().cpu().tolist(), _NUMBERS)
-    for name, values in grasps.energies.items():
-        columns[ENERGY_PREFIX + name] = pa.array(values.float().cpu().tolist(), pa.float32())
-    if grasps.status:
-        columns["status"] = pa.array(grasps.status, pa.string())
-    if grasps.verdicts:
-        columns["success"] = pa.array([v.success for v in grasps.verdicts], pa.bool_())
-        texts = [json.dumps(verdict.as_dict()) for verdict in grasps.verdicts]
-        columns["verdict"] = pa.array(texts, pa.string())
-    return columns
+def read_table(path: Path, columns: list[str] | None = None) -> pa.Table:
+    """All rows of a shard, or some of their columns; damaged pages are noticed.
+
+    Raises:
+        pa.ArrowException, OSError: the file can't be read.
+    """
+    # the file itself: a path with key=value folders would add columns of these names
+    with pq.ParquetFile(path, page_checksum_verification=True) as stored:
+        return stored.read(columns=columns)
 
 
-def _info(path: Path) -> ShardInfo:
+def stream_grasps(
+    root: Path,
+    *,
+    hands: Collection[str] = (),
+    objects: Collection[str] = (),
+    splits: Collection[str] = (),
+    success: bool | None = None,
+    batch: int = 4096,
+    verdicts: bool = True,
+) -> Iterator[GraspSet]:
+    """The grasps of a dataset in batches, shard by shard in the order of their paths.
+
+    Holds one batch and one row group in memory, however large the dataset.
+
+    Args:
+        root: the dataset's folder.
+        hands: names of the wanted hands; none given means all.
+        objects: names of the wanted objects; none given means all.
+        splits: wanted splits of the objects, ``train``, ``test`` or ``""``; none given means all.
+        success: only grasps that passed (True) or failed (False) their test; untested ones are
+            neither. None means all.
+        batch: most grasps at once.
+        verdicts: read the verdicts too; they take more time than all numbers together.
+
+    Yields:
+        Batches of one hand-object pair each, never empty, with the shard's provenance.
+
+    Raises:
+        GdgError: there is no such folder, or a file in it can't be read.
+    """
+    wanted = ((hands, "hand"), (objects, "object_name"), (splits, "split"))
+    for info in iterate_shards(root):
+        if info.count and all(
+            not names or getattr(info, field) in names for names, field in wanted
+        ):
+            yield from _batches(info, success, batch, verdicts)
+
+
+def _batches(
+    info: ShardInfo, success: bool | None, batch: int, verdicts: bool
+) -> Iterator[GraspSet]:
     try:
-        footer = pq.read_metadata(path)
-        header = json.loads((footer.metadata or {}).get(METADATA_KEY, b"null"))
-        if not isinstance(header, dict) or header.get("schema") != SCHEMA:
-            raise ValueError(f"its schema is not '{SCHEMA}'")
-        return ShardInfo(
-            path=path,
-            key=path.stem.removeprefix("part-"),
-            hand=header["hand"],
-            object_name=header["object"],
-            joint_names=tuple(header["joint_names"]),
-            root_link=header["root_link"],
-            count=footer.num_rows,
-            provenance=header["provenance"],
-            **{name: header[name] for name in REQUIRED},
-            **{name: header[name] for name in OPTIONAL if name in header},
-        )
-    except (pa.ArrowException, OSError, ValueError, KeyError, TypeError) as error:
-        raise _unreadable(path, error) from error
+        with pq.ParquetFile(info.path, page_checksum_verification=True) as stored:
+            names = stored.schema_arrow.names
+            if success is not None and "success" not in names:
+                return
+            columns = [name for name in names if verdicts or name != "verdict"]
+            for rows in stored.iter_batches(batch_size=batch, columns=columns, use_threads=False):
+                table = pa.Table.from_batches([rows])
+                if success is not None:
+                    table = table.filter(pc.field("success") == success)
+                if table.num_rows:
+                    yield grasps_of(info, table)
+    except UNREADABLE as error:
+        raise unreadable(info.path, error) from error
 
 
-def _grasps(info: ShardInfo, table: pa.Table) -> GraspSet:
-    def rows(name: str, width: int) -> Tensor:
-        return torch.tensor(table[name].to_pylist(), dtype=torch.float32).reshape(-1, width)
-
-    def numbers(name: str) -> Tensor:
-        return torch.tensor(table[name].to_pylist(), dtype=torch.float32)
-
-    def texts(name: str) -> list[str]:
-        return table[name].to_pylist() if name in table.column_names else []
-
-    joints = len(info.joint_names)
-    energies = [name for name in table.column_names if name.startswith(ENERGY_PREFIX)]
-    return GraspSet(
-        hand=info.hand,
-        object_name=info.object_name,
-        joint_names=info.joint_names,
-        root_link=info.root_link,
-        poses=rows("pose", 16).reshape(-1, 4, 4),
-        joints=rows("joints", joints),
-        targets=rows("targets", joints) if "targets" in table.column_names else None,
-        energies={name.removeprefix(ENERGY_PREFIX): numbers(name) for name in energies},
-        status=tuple(texts("status")),
-        verdicts=tuple(Verdict.from_dict(json.loads(text)) for text in texts("verdict")),
-        provenance=info.provenance,
-    )
-
-
-def _unreadable(path: Path, error: Exception) -> GdgError:
-    reason = " ".join(str(error).split())
-    return GdgError(f"{path}: is no readable dataset shard: {reason}")
+def _summary(grasps: GraspSet) -> dict[str, Any]:
+    """What ``gdg data info`` shows, so that it reads no grasp."""
+    good = grasps.passed if grasps.verdicts else list(range(len(grasps)))
+    measured = {}
+    for name, values in grasps.metrics.items():
+        chosen = values.detach().double().cpu()[good]
+        finite = chosen[chosen.isfinite()]
+        measured[METRIC_PREFIX + name] = (len(finite), float(finite.sum()))
+    for name in VERDICT_FIGURES if grasps.verdicts else ():
+        figures = [getattr(grasps.verdicts[index], name) for index in good]
+        finite = [value for value in figures if abs(value) < float("inf")]
+        measured[name] = (len(finite), sum(finite))
+    return {"passed": len(good) if grasps.verdicts else None, "measured": measured}

@@ -14,6 +14,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gdg.data.atomic import write_text_atomically
+from gdg.data.contacts import ContactSet
 from gdg.data.json_values import finite_or_none
 from gdg.data.verdict import Verdict
 from gdg.errors import GdgError
@@ -36,6 +37,8 @@ class GraspSet:
         targets: joint values that the drives aim at when the grasp is tested, or None where
             they are the grasp's own.
         energies: name -> value per grasp; ``total`` is what the planner minimised.
+        metrics: name -> value per grasp: what was measured of the finished grasp (``gdg.quality``).
+        contacts: where the hand touches the object, or None where it was not measured.
         status: per grasp: ``converged``, ``diverged`` or ``hit_limit``.
         contact_values: the hand-made contact map per grasp, for pictures, or None.
         verdicts: per grasp, or empty when not simulated.
@@ -50,6 +53,8 @@ class GraspSet:
     joints: Float[Tensor, "grasp joint"]
     targets: Float[Tensor, "grasp joint"] | None = None
     energies: Mapping[str, Float[Tensor, "grasp"]] = field(default_factory=dict)
+    metrics: Mapping[str, Float[Tensor, "grasp"]] = field(default_factory=dict)
+    contacts: ContactSet | None = None
     status: tuple[str, ...] = ()
     contact_values: Float[Tensor, "grasp object_point"] | None = None
     verdicts: tuple[Verdict, ...] = ()
@@ -71,6 +76,8 @@ class GraspSet:
             joints=self.joints[index],
             targets=rows(self.targets),
             energies={name: values[index] for name, values in self.energies.items()},
+            metrics={name: values[index] for name, values in self.metrics.items()},
+            contacts=None if self.contacts is None else self.contacts.select(index.tolist()),
             status=tuple(self.status[i] for i in index) if self.status else (),
             contact_values=rows(self.contact_values),
             verdicts=tuple(self.verdicts[i] for i in index) if self.verdicts else (),
@@ -108,7 +115,10 @@ class GraspSet:
         }
         if self.targets is not None:
             grasp["joint_targets"] = named(self.targets)
-        grasp["energies"] = {n: finite_or_none(float(v[index])) for n, v in self.energies.items()}
+        for key, columns in (("energies", self.energies), ("metrics", self.metrics)):
+            grasp[key] = {n: finite_or_none(float(v[index])) for n, v in columns.items()}
+        if self.contacts is not None:
+            grasp["contacts"] = self.contacts.as_dicts(index)
         if self.status:
             grasp["status"] = self.status[index]
         if self.verdicts:
@@ -147,9 +157,12 @@ def _from_dict(tree: dict[str, Any]) -> GraspSet:
         rows = [[grasp[key][name] for name in names] for grasp in grasps]
         return torch.tensor(rows, dtype=torch.float32).reshape(len(grasps), len(names))
 
-    def column(name: str) -> Tensor:
-        values = [grasp["energies"][name] for grasp in grasps]
-        return torch.tensor([math.nan if v is None else v for v in values], dtype=torch.float32)
+    def columns(key: str) -> dict[str, Tensor]:
+        table = {name: [grasp[key][name] for grasp in grasps] for name in first.get(key, ())}
+        return {
+            name: torch.tensor([math.nan if v is None else v for v in values], dtype=torch.float32)
+            for name, values in table.items()
+        }
 
     poses = torch.tensor([grasp["T_object_root"] for grasp in grasps], dtype=torch.float32)
     if grasps and poses.shape[1:] != (4, 4):
@@ -162,7 +175,13 @@ def _from_dict(tree: dict[str, Any]) -> GraspSet:
         poses=poses.reshape(-1, 4, 4),
         joints=joints("joints"),
         targets=joints("joint_targets") if "joint_targets" in first else None,
-        energies={name: column(name) for name in first.get("energies", ())},
+        energies=columns("energies"),
+        metrics=columns("metrics"),
+        contacts=(
+            ContactSet.from_dicts([grasp["contacts"] for grasp in grasps])
+            if "contacts" in first
+            else None
+        ),
         status=tuple(g["status"] for g in grasps) if "status" in first else (),
         verdicts=(
             tuple(Verdict.from_dict(g["verdict"]) for g in grasps) if "verdict" in first else ()

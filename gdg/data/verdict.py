@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -21,7 +22,8 @@ class Verdict:
         failure: why not: ``""`` on success, else ``moved``, ``rotated``, ``lost-contact``,
             ``drifted``, ``penetrating``, ``diverged`` (of the first shift that failed).
         displacement_m: object displacement per push direction (``DIRECTIONS``), metres, against
-            the protocol's reference pose, of the unshifted trial.
+            the protocol's reference pose, of the unshifted trial. NaN for a push that did not
+            take place; its rotation is NaN as well, and ``contact_kept`` false.
         rotation_rad: object rotation per push direction, radians.
         drift_m: how far the object moved while the hand closed and settled, metres.
         contact_kept: whether hand and object still touched after each push.
@@ -30,11 +32,14 @@ class Verdict:
         penetration_end_mm: the solver's largest overlap after settling, millimetres.
         free_displacement_m: how far the same object moves in one push without any hand.
         shift_successes: successes over trials in which the hand was shifted a little; the
-            first trial is the unshifted one.
+            first trial is the unshifted one. Fewer than ``trials`` where a simulator stopped
+            because the majority was decided.
         protocol: ``name-vVERSION``.
         engine: ``sapien 3.0.3`` and the like.
         refined: whether the contact-aware refinement closed the hand.
         seconds: wall time of all trials of this grasp.
+        trials: trials that the protocol asks for; 0 where this is not known, as in verdicts
+            written before the field was, of which all trials ran.
     """
 
     success: bool
@@ -51,16 +56,25 @@ class Verdict:
     engine: str
     refined: bool
     seconds: float
+    trials: int = 0
 
     @property
     def success_rate(self) -> float:
-        """Share of the shifted trials that passed."""
+        """Share of the shifted trials that passed, of those that ran."""
         return sum(self.shift_successes) / len(self.shift_successes)
 
     @property
-    def stable(self) -> bool:
-        """Whether every shifted trial gave the same answer."""
-        return len(set(self.shift_successes)) == 1
+    def stable(self) -> bool | None:
+        """Whether every shifted trial gave the same answer; None if those that ran agree, but
+        others were left out."""
+        if len(set(self.shift_successes)) > 1:
+            return False
+        return None if self.decided_early else True
+
+    @property
+    def decided_early(self) -> bool:
+        """Whether trials were left out because the majority was decided."""
+        return len(self.shift_successes) < self.trials
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values, as they stand in ``grasps.json``; None where one is not finite."""
@@ -70,6 +84,16 @@ class Verdict:
     def from_dict(cls, tree: dict[str, Any]) -> Verdict:
         """The inverse of ``as_dict`` (JSON lists become tuples, null becomes NaN)."""
         return cls(**{name: _from_json(value) for name, value in tree.items()})
+
+
+def stable_share(verdicts: Sequence[Verdict]) -> float:
+    """Share of the grasps whose trials all gave the same answer; NaN if no verdict can say.
+
+    Over grasps of which all trials ran: among those that were decided early, a disagreement shows
+    but an agreement doesn't, so that a share of them would be too low.
+    """
+    known = [verdict.stable for verdict in verdicts if not verdict.decided_early]
+    return sum(map(bool, known)) / len(known) if known else math.nan
 
 
 def _from_json(value: Any) -> Any:

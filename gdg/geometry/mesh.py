@@ -18,6 +18,7 @@ from trimesh.exchange.stl import HeaderError
 from trimesh.resolvers import Resolver
 
 from gdg.errors import GdgError
+from gdg.geometry.half_spaces import half_spaces
 
 #: Meshes beyond these are refused unread or undigested: a hand or object needs far less.
 MAX_MESH_BYTES = 200_000_000
@@ -178,6 +179,4 @@ def farthest_points(points: np.ndarray, count: int) -> np.ndarray:
 
 def inside_convex(mesh: trimesh.Trimesh, points: np.ndarray, margin: float) -> np.ndarray:
     """Which points lie deeper than ``margin`` metres inside a convex mesh; (n,) bool."""
-    normals = mesh.face_normals
-    offsets = np.einsum("ij,ij->i", normals, mesh.triangles[:, 0])
-    return (points @ normals.T - offsets).max(-1) < -margin
+    return half_spaces(mesh).heights(points).max(-1) < -margin

@@ -54,7 +54,7 @@ def create_hand(
 
     Args:
         source: URDF or MJCF file, untrusted.
-        folder: must not exist, or be empty.
+        folder: must bear the hand's name, and not exist or be empty.
         name: of the hand; see ``name_from``.
         build: makes a hand's model.
         root: keep only this link and what hangs on it.
@@ -62,12 +62,18 @@ def create_hand(
         say: called with what is being done.
 
     Raises:
-        GdgError: the folder is taken, or the description can't be read or understood.
+        GdgError: the folder is taken or has another name, or the description can't be read or
+            understood.
     """
     if not re.fullmatch(NAME, name):
         raise GdgError(
             f"hand name '{name}': write lower-case letters, digits, - and _, e.g. "
             f"'{_made_from(name) or 'my_hand'}'."
+        )
+    if folder.resolve().name != name:
+        raise GdgError(
+            f"{folder}: the hand is called '{name}', and a hand and its folder bear one name. "
+            f"Write --out {folder.parent / name}."
         )
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise GdgError(

@@ -6,6 +6,7 @@ The contact surface, penetration, self-collision and the simulators all use thes
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +16,7 @@ import trimesh
 from gdg.cache import cached_arrays, content_hash
 from gdg.errors import GdgError, raise_if_any
 from gdg.geometry.convex import Decomposition, convex_parts
+from gdg.geometry.half_spaces import half_spaces
 from gdg.geometry.mesh import farthest_points, inside_convex, load_mesh, sample_surface
 from gdg.hands.urdf import Shape, Urdf
 
@@ -104,12 +106,7 @@ def link_parts(urdf: Urdf, folder: Path, role: str) -> tuple[ConvexPart, ...]:
 def _parts_of(urdf: Urdf, folder: Path, link: str, shape: Shape) -> list[ConvexPart]:
     what = f"mesh '{shape.mesh}'" if shape.kind == "mesh" else shape.kind
     where = f"{urdf.path}: link '{link}': {what}"
-    if shape.kind == "mesh":
-        mesh = load_mesh(resolve_mesh(urdf.path, folder, link, shape.mesh))
-        mesh.apply_transform(np.diag([*shape.size, 1.0]))
-    else:
-        mesh = _primitive_mesh(shape)
-    mesh.apply_transform(shape.T_link_shape)
+    mesh = shape_mesh(shape, lambda: load_mesh(resolve_mesh(urdf.path, folder, link, shape.mesh)))
     extent = float(mesh.extents.max())
     if extent > MAX_LINK_EXTENT_M:
         hint = '; write scale="0.001 0.001 0.001"' if shape.kind == "mesh" else ""
@@ -152,12 +149,26 @@ def resolve_mesh(urdf_path: Path, folder: Path, link: str, name: str) -> Path:
     raise GdgError(f"{urdf_path}: link '{link}': there is no mesh file '{name[:200]}' in {folder}.")
 
 
-def _primitive_mesh(shape: Shape) -> trimesh.Trimesh:
-    if shape.kind == "box":
-        return trimesh.creation.box(shape.size)
-    if shape.kind == "cylinder":
-        return trimesh.creation.cylinder(shape.size[0], shape.size[1], sections=32)
-    return trimesh.creation.icosphere(3, radius=shape.size[0])
+def shape_mesh(
+    shape: Shape, load: Callable[[], trimesh.Trimesh], sphere_level: int = 3
+) -> trimesh.Trimesh:
+    """A shape's surface in its link's frame, metres.
+
+    Args:
+        shape: a primitive or a mesh.
+        load: gives the mesh, before scaling; the caller's own, since it is changed. Not called for
+            a primitive.
+        sphere_level: how often the icosahedron of a sphere is subdivided.
+    """
+    if shape.kind == "mesh":
+        mesh = load().apply_transform(np.diag([*shape.size, 1.0]))
+    elif shape.kind == "box":
+        mesh = trimesh.creation.box(shape.size)
+    elif shape.kind == "cylinder":
+        mesh = trimesh.creation.cylinder(shape.size[0], shape.size[1], sections=32)
+    else:
+        mesh = trimesh.creation.icosphere(sphere_level, radius=shape.size[0])
+    return mesh.apply_transform(shape.T_link_shape)
 
 
 def hand_surface(urdf: Urdf, parts: tuple[ConvexPart, ...], count: int, seed: int) -> Surface:
@@ -249,9 +260,8 @@ def _depths(
     candidates, depths = [], []
     for mesh in meshes:
         points = rng.uniform(*mesh.bounds, size=(2000, 3))
-        offsets = np.einsum("ij,ij->i", mesh.face_normals, mesh.triangles[:, 0])
         candidates.append(points)
-        depths.append(-(points @ mesh.face_normals.T - offsets).max(-1))
+        depths.append(-half_spaces(mesh).heights(points).max(-1))
     return np.concatenate(candidates), np.concatenate(depths)
 
 

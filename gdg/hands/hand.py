@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable
 from dataclasses import dataclass
+from difflib import get_close_matches
 from functools import cached_property
 from pathlib import Path
 
@@ -52,13 +53,26 @@ class Hand:
         return tuple(j for j in self.urdf.joints.values() if j.type in MOVING_TYPES)
 
     @cached_property
+    def moving_rows(self) -> dict[str, int]:
+        """Moving joint -> its place in ``moving_joints``, which is its row of ``coupling``."""
+        return {joint.name: row for row, joint in enumerate(self.moving_joints)}
+
+    @cached_property
+    def rows_above(self) -> dict[str, frozenset[int]]:
+        """Link -> rows of the moving joints between it and the root."""
+        above: dict[str, frozenset[int]] = {self.urdf.root: frozenset()}
+        for joint in self.urdf.joints.values():  # parents before children
+            own = {self.moving_rows[joint.name]} if joint.name in self.moving_rows else set()
+            above[joint.child] = above[joint.parent] | own
+        return above
+
+    @cached_property
     def coupling(self) -> tuple[np.ndarray, np.ndarray]:
         """``A`` (moving, actuated) and ``b`` (moving,): moving = A @ actuated + b.
 
         A mimic joint follows its master (through chains of mimics); a passive joint, neither
         actuated nor mimic, stays at the value nearest to zero that its limits allow.
         """
-        by_name = {joint.name: joint for joint in self.moving_joints}
         matrix = np.zeros((len(self.moving_joints), len(self.spec.joints)))
         offset = np.zeros(len(self.moving_joints))
         for row, joint in enumerate(self.moving_joints):
@@ -66,13 +80,17 @@ class Hand:
             while joint.name not in self.spec.joints and joint.mimic is not None:
                 constant += factor * joint.mimic.offset
                 factor *= joint.mimic.multiplier
-                joint = by_name[joint.mimic.joint]
+                joint = self.urdf.joints[joint.mimic.joint]
             if joint.name in self.spec.joints:
                 matrix[row, self.spec.joints.index(joint.name)] = factor
                 offset[row] = constant
             else:
                 offset[row] = constant + factor * float(np.clip(0.0, joint.lower, joint.upper))
         return matrix, offset
+
+    def parts_of(self, link: str) -> list[ConvexPart]:
+        """The convex parts of one link, in the order of ``parts``; maybe none."""
+        return [part for part in self.parts if part.link == link]
 
     def limits(self) -> tuple[np.ndarray, np.ndarray]:
         """Lower and upper limits of the actuated joints, declared order; rad or m."""
@@ -138,7 +156,9 @@ def load_hand(folder: Path) -> Hand:
     raise_if_any([f"{folder / MANIFEST}: {text}" for text in reference_mistakes(spec, urdf)])
     parts = link_parts(urdf, folder, spec.geometry)
     meshes = [np.ascontiguousarray(part.mesh.vertices).tobytes() for part in parts]
-    key = content_hash(spec.model_dump_json(), urdf_path.read_bytes(), *meshes)
+    # defaults left out: a field that joins the schema later changes no hash
+    text = spec.model_dump_json(exclude_defaults=True)
+    key = content_hash(text, urdf_path.read_bytes(), *meshes)
     return Hand(folder, spec, urdf, parts, key)
 
 
@@ -149,6 +169,7 @@ def reference_mistakes(spec: HandSpec, urdf: Urdf) -> Iterable[str]:
             hint = did_you_mean(link, urdf.links)
             yield f"{place}: link '{link}' is not in {urdf.path.name}.{hint}"
     moving = [name for name, joint in urdf.joints.items() if joint.type in MOVING_TYPES]
+    excused = _misspelt(spec, urdf)
     for place, joint in spec.joint_references():
         if joint not in moving:
             what = "a fixed joint" if joint in urdf.joints else "not"
@@ -158,6 +179,8 @@ def reference_mistakes(spec: HandSpec, urdf: Urdf) -> Iterable[str]:
             yield f"{place}: joint '{joint}' mimics another one, so it has no value of its own."
         elif place.startswith(("open.", "closed.")):
             yield from _posture_mistakes(spec, urdf, place, joint)
+            if joint not in spec.joints and joint not in excused:
+                yield f"{place}: joint '{joint}' is not among the actuated joints."
     if len(set(spec.joints)) != len(spec.joints):
         yield "joints: a joint is listed twice."
     if spec.root_link in urdf.links and spec.root_link != urdf.root:
@@ -169,5 +192,13 @@ def _posture_mistakes(spec: HandSpec, urdf: Urdf, place: str, name: str) -> Iter
     if not joint.lower - 1e-3 <= value <= joint.upper + 1e-3:
         limits = f"[{joint.lower:g}, {joint.upper:g}]"
         yield f"{place}: {value:g} is outside the joint's limits {limits}."
-    if name not in spec.joints:
-        yield f"{place}: joint '{name}' is not among the actuated joints."
+
+
+def _misspelt(spec: HandSpec, urdf: Urdf) -> set[str]:
+    """Joints of a posture that ``joints`` may only misspell: one, the likest, per unknown name."""
+    unlisted = {*spec.open, *spec.closed}.intersection(urdf.joints).difference(spec.joints)
+    meant: set[str] = set()
+    for name in spec.joints:
+        if name not in urdf.joints:
+            meant.update(get_close_matches(name, sorted(unlisted - meant), n=1, cutoff=0.0))
+    return meant

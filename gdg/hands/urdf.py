@@ -6,6 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
@@ -127,6 +128,11 @@ class Urdf:
     links: dict[str, Link]
     joints: dict[str, Joint]
     root: str
+
+    @cached_property
+    def joint_above(self) -> dict[str, Joint]:
+        """Link -> the joint that carries it; the root has none."""
+        return {joint.child: joint for joint in self.joints.values()}
 
     def kinematics_xml(self) -> str:
         """The bare tree as URDF text: links without shapes, all limits explicit."""

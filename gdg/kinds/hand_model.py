@@ -163,24 +163,12 @@ class HandModel(ABC):
         # the norm's gradient is undefined at zero, where most batches are
         return (excess.square().sum(-1) + 1e-12).sqrt() - 1e-6
 
-    def self_penetration(
-        self, Ts_world_link: Float[Tensor, "batch link 4 4"]
-    ) -> Float[Tensor, "batch"]:
-        """Summed overlap of inscribed spheres of links that must not touch, metres."""
-        spheres = self.spheres
-        centers = self.place(Ts_world_link, spheres.centers, spheres.link_index)
-        squared = centers.square().sum(-1)
-        # |a|² + |b|² − 2 a·b by a matrix product: rounding is about 1e-8 m², 0.1 mm at contact
-        gap = squared[:, :, None] + squared[:, None] - 2 * centers @ centers.mT
-        overlap = spheres.reach - gap.clamp(min=1e-8).sqrt()
-        return torch.relu(overlap).sum((-1, -2))
-
     @property
     def spheres(self) -> CollisionSpheres:
         """Inscribed spheres, built on first use.
 
-        Pairs that overlap in the open or in the middle posture are left out: they can't be told
-        from links that touch by construction.
+        Pairs that overlap in the open posture are left out: they can't be told from links that
+        touch by construction.
         """
         if self._spheres is None:
             self._spheres = self._build_spheres()
@@ -220,8 +208,7 @@ class HandModel(ABC):
         link = torch.as_tensor(found.link_index, device=self.device)
         allowed = torch.as_tensor(self.hand.may_collide(), device=self.device)
         apart: Bool[Tensor, "sphere sphere"] = allowed[link][:, link].triu(1)
-        rest = torch.stack((self.open_posture, (self.lower + self.upper) / 2))
-        placed = self.place(self.link_poses_in_root(rest), centers, link)
+        placed = self.place(self.link_poses_in_root(self.open_posture[None]), centers, link)
         summed = radii[:, None] + radii[None, :]
         touching = (torch.cdist(placed, placed) < summed).any(0)
         reach = torch.where(apart & ~touching, summed, torch.full_like(summed, -1.0))

@@ -36,4 +36,7 @@ class Simulator(ABC):
 
         The root link is held fixed at ``grasps.poses``; joints start at ``grasps.joints`` and are
         driven to ``grasps.targets`` (or to ``joints`` where targets are None).
+
+        A simulator may leave out trials and pushes that can't change ``success`` and ``failure``
+        any more, if its options ask for it; the verdict then says what ran (see ``Verdict``).
         """

@@ -17,6 +17,7 @@ from gdg.config import RunConfig
 from gdg.data.atomic import write_text_atomically
 from gdg.data.grasps import GraspSet, load_grasps
 from gdg.data.json_values import finite_or_none
+from gdg.data.verdict import stable_share
 from gdg.errors import GdgError
 from gdg.metrics import joint_diversity, wilson_interval
 from gdg.pipeline.fingerprint import fingerprint
@@ -37,7 +38,8 @@ class Row:
         n: grasps asked for; one that the planner did not find counts as a failure.
         successes: grasps that passed.
         interval: 95 % Wilson interval of the success rate.
-        stable: share of grasps whose verdict was the same in all shifted trials.
+        stable: share of grasps whose verdict was the same in all shifted trials; NaN where the
+            simulator stopped trials early.
         diversity_rad: joint standard deviation of the passing grasps, over all objects.
         penetration_mm: median initial penetration.
         seconds: mean time per grasp, by stage.
@@ -165,7 +167,7 @@ def _row(settings: dict[str, str], sets: list[GraspSet], requested: int) -> Row:
         n=n,
         successes=successes,
         interval=wilson_interval(successes, n),
-        stable=sum(verdict.stable for verdict in verdicts) / max(1, len(verdicts)),
+        stable=stable_share(verdicts),
         diversity_rad=_pooled_diversity(sets),
         penetration_mm=_median_penetration(sets),
         seconds=seconds,

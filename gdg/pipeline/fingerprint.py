@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 from pathlib import Path
 from typing import Any
@@ -66,7 +67,15 @@ def _component(config: RunConfig, key: str) -> dict[str, Any]:
 def _content(path: Path) -> str:
     """Hash of a file, or of all files of a folder with their relative names."""
     files = [path] if path.is_file() else sorted(p for p in path.rglob("*") if p.is_file())
-    parts: list[bytes | str] = []
+    parts: list[str] = []
     for file in files:
-        parts += [file.name if file == path else str(file.relative_to(path)), file.read_bytes()]
+        name = file.name if file == path else str(file.relative_to(path))
+        stat = file.stat()
+        parts += [name, _file_hash(file, stat.st_mtime_ns, stat.st_size)]
     return content_hash(*parts)
+
+
+@functools.lru_cache(maxsize=16_384)
+def _file_hash(file: Path, mtime_ns: int, size: int) -> str:
+    """Hash of a file, read once per process as long as its time and size stay the same."""
+    return content_hash(file.read_bytes())

@@ -83,14 +83,31 @@ class SynthJob(PairJob):
         shard: grasps asked of the planner per shard, the unit that is lost at most when a run is
             killed.
         max_shards: give a pair up after this many shards.
+        give_up_after: give a pair up that has hardly any grasp after this many shards.
+        give_up_below: fewer passing grasps than this are hardly any.
+        shard_timeout_s: give a pair up when one of its shards takes longer; 0 for no limit.
+        retry: go on with pairs that were given up, for give_up_after more shards.
+        max_penetration_mm: of hand and object, by exact collision shapes; what is above is not
+            simulated.
+        max_self_penetration_mm: of the hand's links, likewise.
         keep_failed: store grasps that fail the simulation too; shards made before stay as they are.
         out: folder of the dataset.
-        workers: processes that share the shards.
+        engine: local (processes of this machine) or ray (a Ray cluster).
+        workers: processes that share the shards; 0 for one per core.
+        ray_address: of the Ray cluster, e.g. auto; by default RAY_ADDRESS, else one of its own.
     """
 
     n: Count = 100
-    shard: Annotated[int, Field(ge=1)] = 128
-    max_shards: Annotated[int, Field(ge=1)] = 20
+    shard: Annotated[int, Field(ge=1, le=65_536)] = 128
+    max_shards: Annotated[int, Field(ge=1, le=1_000_000)] = 20
+    give_up_after: Annotated[int, Field(ge=1)] = 3
+    give_up_below: Annotated[int, Field(ge=0)] = 1
+    shard_timeout_s: Annotated[float, Field(ge=0)] = 3600.0
+    retry: bool = False
+    max_penetration_mm: Annotated[float, Field(ge=0)] = 1.0
+    max_self_penetration_mm: Annotated[float, Field(ge=0)] = 1.0
     keep_failed: bool = False
     out: str = "runs/synth"
-    workers: Annotated[int, Field(ge=1, le=256)] = 1
+    engine: Annotated[str, Field(pattern=r"^(local|ray)$")] = "local"
+    workers: Annotated[int, Field(ge=0, le=65_536)] = 0
+    ray_address: str = ""

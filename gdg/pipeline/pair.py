@@ -49,9 +49,21 @@ class Pair:
         return cls(config, job, hand, obj, Assembler(config.components))
 
     def plan(
-        self, count: int, generator: torch.Generator, progress: Progress | None = None
+        self,
+        count: int,
+        generator: torch.Generator,
+        progress: Progress | None = None,
+        *,
+        contact_maps: bool = True,
     ) -> GraspSet:
-        """Plans grasps and stamps them with where they came from."""
+        """Plans grasps and stamps them with where they came from.
+
+        Args:
+            count: how many, at most.
+            generator: the random stream.
+            progress: called as the planner advances.
+            contact_maps: compute the hand-made contact maps, for pictures.
+        """
         started = time.perf_counter()
         grasps = self.components.get("planner").plan(
             self.hand, self.obj, count, generator, progress
@@ -60,7 +72,7 @@ class Pair:
             **grasps.provenance.get("seconds", {}),
             "plan": time.perf_counter() - started,
         }
-        if grasps.contact_values is None and len(grasps):
+        if contact_maps and grasps.contact_values is None and len(grasps):
             maps = contact_map_of(
                 self.hand, self.obj, self.hand.q_of(grasps), self.components.get("distance")
             )

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+import contextlib
+import errno
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
-from gdg.cache import content_hash
 from gdg.config import RunConfig
-from gdg.data.dataset import read_shard, shard_path, write_shard
+from gdg.engine import Engine, Outcome, TaskTimedOut, WorkersKilled, make_engine
 from gdg.errors import GdgError, raise_if_any
-from gdg.pipeline.fingerprint import fingerprint
+from gdg.pipeline.counts import ShardCounts, total
 from gdg.pipeline.jobs import SynthJob
-from gdg.pipeline.pair import Pair, generator_for
-from gdg.pipeline.workers import run_all
+from gdg.pipeline.schedule import PairState, Schedule, open_pairs
+from gdg.pipeline.shard import MadeShard, ShardTask, forget_pairs, make_shard
+from gdg.pipeline.synth_record import SynthRecord, write_configs
 
 
 @dataclass(frozen=True)
@@ -24,82 +27,225 @@ class PairResult:
         hand: its name.
         object_name: its name.
         passed: grasps that passed, over all shards.
-        tested: grasps simulated in this run.
-        candidates: what the planner tried in this run, before its thresholds.
+        made: what became of the candidates of this run, by stage.
+        shards: how many shards the pair has.
         reason: why the pair was given up, or "".
-        mistake: whether the reason is a mistake in what the user gave.
+        mistake: whether the reason is a mistake in what the user gave, or killed workers.
+        notes: what else is worth telling.
     """
 
     hand: str
     object_name: str
     passed: int
-    tested: int
-    candidates: int
+    made: ShardCounts = field(default_factory=ShardCounts)
+    shards: int = 0
     reason: str = ""
     mistake: bool = False
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a run has come.
+
+    Attributes:
+        pairs: in all.
+        ended: pairs that have their grasps, or were given up.
+        grasps: that passed, earlier runs included.
+        missing: that the other pairs still want.
+        made: what became of the candidates of this run.
+        seconds: since this run began.
+    """
+
+    pairs: int
+    ended: int
+    grasps: int
+    missing: int
+    made: ShardCounts
+    seconds: float
+
+    @property
+    def rate(self) -> float:
+        """Passing grasps per second of this run."""
+        return self.made.passed / max(self.seconds, 1e-9)
+
+    @property
+    def eta_s(self) -> float | None:
+        """Seconds until every pair has its grasps at this rate; None while nothing is known."""
+        return self.missing / self.rate if self.made.passed else None
+
+
+class Watcher:
+    """Sees how a run advances; this one looks away."""
+
+    def pair_ended(self, result: PairResult) -> None:
+        """A pair has its grasps, or was given up."""
+
+    def advanced(self, progress: Progress) -> None:
+        """Something was finished."""
 
 
 def run_synth(
-    configs: Sequence[RunConfig], report: Callable[[PairResult], None] | None = None
+    configs: Sequence[RunConfig], watcher: Watcher | None = None
 ) -> tuple[list[PairResult], Path]:
     """Synthesises every pair; a re-run goes on where the last one stopped.
 
-    Shards are named by the hash of what made them (hand, object, components, protocol, seed), so
-    nothing is made twice, and a pair that has its ``n`` passing grasps is left alone.
+    Shards are named by the hash of what made them (hand, object, components, protocol, limits,
+    seed), so nothing is made twice, and a pair that has its ``n`` passing grasps is left alone.
+    Workers make shards, this process alone writes them (``gdg.pipeline.schedule`` says which make
+    the dataset). The folder also gets ``config.yaml`` and ``synth.json``.
 
     Args:
         configs: one per pair.
-        report: called as each pair ends.
+        watcher: told as it goes.
 
     Raises:
-        GdgError: the mistakes of all pairs, once the others are done.
+        GdgError: the mistakes of all pairs, once the others are done; or at once: the disk is
+            full, workers can't start.
     """
-    results = []
-    for _, result in run_all(synthesise_pair, configs, configs[0].job.workers):
-        results.append(result)
-        if report is not None:
-            report(result)
-    raise_if_any(list(dict.fromkeys(result.reason for result in results if result.mistake)))
-    return results, Path(configs[0].job.out)
+    job: SynthJob = configs[0].job
+    opened = list(open_pairs(configs))
+    pairs = [pair for pair in opened if isinstance(pair, PairState)]
+    run = _Run(pairs, Path(job.out), watcher or Watcher())
+    with _disk_errors_told(run.root):
+        write_configs(run.root, configs)
+        run.leave_out_timed_out()
+        run.go(_engine(job))
+    mistakes = [str(error) for error in opened if isinstance(error, GdgError)]
+    mistakes += [str(pair.error) for pair in pairs if isinstance(pair.error, GdgError)]
+    for pair in pairs:
+        if pair.error is not None and not isinstance(pair.error, GdgError):
+            raise pair.error
+    raise_if_any(list(dict.fromkeys(mistakes)))
+    return [result_of(pair) for pair in pairs], run.root
 
 
-def synthesise_pair(config: RunConfig) -> PairResult:
-    """Plans and simulates shards until the pair has its grasps, or is given up."""
+def result_of(pair: PairState) -> PairResult:
+    """What became of a pair that has ended."""
+    return PairResult(
+        pair.hand,
+        pair.object_name,
+        pair.passed,
+        pair.made,
+        pair.in_turn,
+        str(pair.error or pair.reason),
+        pair.error is not None,
+        tuple(pair.notes),
+    )
+
+
+class _Run:
+    """The driver's side of a run: gives out shards, writes them, keeps the record."""
+
+    def __init__(self, pairs: list[PairState], root: Path, watcher: Watcher):
+        self.root = root
+        self._pairs, self._watcher = pairs, watcher
+        self._record = SynthRecord(root, _settings(pairs))
+        self._started = time.perf_counter()
+        self._told: set[int] = set()
+        self._made = ShardCounts()
+
+    def leave_out_timed_out(self) -> None:
+        """Ends the pairs of which a shard took too long before, with the same limit or more."""
+        for pair in self._pairs:
+            before = self._record.timed_out(pair)
+            if before is None or pair.ended or pair.job.retry:
+                continue
+            number, limit = before
+            if number not in pair.counts and 0 < pair.job.shard_timeout_s <= limit:
+                _end_timed_out(pair, number, f"took longer than {limit:g} s")
+
+    def go(self, engine: Engine) -> None:
+        """Makes what is missing."""
+        schedule = Schedule(self._pairs)
+        outcomes = engine.run(make_shard, schedule.take)
+        try:
+            self._tell(self._pairs)
+            for outcome in outcomes:
+                pair = schedule.pair_of(outcome.task)
+                _take_in(pair, outcome)
+                if outcome.result is not None:
+                    self._made = total([self._made, outcome.result.counts])
+                self._tell([pair])
+                self._record.save(self._pairs)
+            self._record.save(self._pairs, now=True)
+        except BaseException:
+            outcomes.close()
+            with contextlib.suppress(OSError):  # the disk may be what is full
+                self._record.save(self._pairs, now=True)
+            raise
+        finally:
+            forget_pairs()
+
+    def _tell(self, pairs: Sequence[PairState]) -> None:
+        for pair in pairs:
+            if pair.ended and id(pair) not in self._told:
+                self._told.add(id(pair))
+                self._watcher.pair_ended(result_of(pair))
+        self._watcher.advanced(self._progress())
+
+    def _progress(self) -> Progress:
+        going = [pair for pair in self._pairs if not pair.ended]
+        return Progress(
+            pairs=len(self._pairs),
+            ended=len(self._pairs) - len(going),
+            grasps=sum(pair.passed for pair in self._pairs),
+            missing=sum(max(0, pair.job.n - pair.passed) for pair in going),
+            made=self._made,
+            seconds=time.perf_counter() - self._started,
+        )
+
+
+def _take_in(pair: PairState, outcome: Outcome[ShardTask, MadeShard]) -> None:
+    """Writes what a worker made, or ends the pair with what went wrong."""
+    number, error = outcome.task.number, outcome.error
+    if outcome.result is not None:
+        pair.finish(number, outcome.result.data, outcome.result.counts)
+        return
+    pair.running.discard(number)
+    if isinstance(error, TaskTimedOut):
+        _end_timed_out(pair, number, str(error))
+    elif isinstance(error, WorkersKilled):
+        pair.end(error=GdgError(f"{pair.hand} · {pair.object_name}: {error}"))
+    elif isinstance(error, OSError) and error.errno in _FULL:
+        raise error
+    else:
+        pair.end(error=error)
+
+
+def _end_timed_out(pair: PairState, number: int, how: str) -> None:
+    pair.timed_out = number
+    pair.end(f"shard {number} {how} (shard_timeout_s); retry=true tries it again")
+
+
+def _engine(job: SynthJob) -> Engine:
+    return make_engine(
+        job.engine,
+        job.workers,
+        timeout_s=job.shard_timeout_s,
+        address=job.ray_address,
+        gpu=job.device.startswith("cuda"),
+    )
+
+
+def _settings(pairs: Sequence[PairState]) -> dict[str, str | int]:
+    if not pairs:
+        return {}
+    job = pairs[0].job
+    return {"engine": job.engine, "workers": job.workers}
+
+
+#: What the system says when a disk, a quota or a size limit is reached.
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+
+
+@contextlib.contextmanager
+def _disk_errors_told(root: Path) -> Iterator[None]:
     try:
-        return _fill(Pair.load(config))
-    except GdgError as error:
-        return PairResult(config.job.hand, config.job.object, 0, 0, 0, str(error), mistake=True)
-
-
-def _fill(pair: Pair) -> PairResult:
-    job: SynthJob = pair.config.job
-    root, passed, tested, candidates = Path(job.out), 0, 0, 0
-    hand, obj = pair.hand.hand.name, pair.obj.name
-    for shard in range(job.max_shards):
-        key = fingerprint(pair.config, job.shard, shard)
-        path = shard_path(root, hand, obj, key)
-        if path.is_file():
-            passed += len(read_shard(path).passed)
-        else:
-            made = _make_shard(pair, root, key, shard)
-            candidates, tested, passed = (
-                candidates + made[0], tested + made[1], passed + made[2]
-            )  # fmt: skip
-        if passed >= job.n:
-            return PairResult(hand, obj, passed, tested, candidates)
-    reason = f"{passed} of {job.n} grasps after {job.max_shards} shards"
-    return PairResult(hand, obj, passed, tested, candidates, reason)
-
-
-def _make_shard(pair: Pair, root: Path, key: str, shard: int) -> tuple[int, int, int]:
-    """Writes one shard; gives (candidates, grasps tested, grasps passed)."""
-    job: SynthJob = pair.config.job
-    seed = int(content_hash(job.seed, pair.obj.content_hash, pair.hand.hand.content_hash)[:8], 16)
-    grasps = pair.plan(job.shard, generator_for(seed + shard))
-    if len(grasps):
-        grasps = pair.simulate(grasps)
-    tested, passed = len(grasps), grasps.passed
-    kept = grasps if job.keep_failed else grasps.select(passed)
-    facts = {"tested": tested, "passed": len(passed), "shard": shard, "shard_seed": seed + shard}
-    write_shard(root, key, kept, {**grasps.provenance, **facts})
-    return grasps.provenance.get("candidates", tested), tested, len(passed)
+        yield
+    except OSError as error:
+        what = "the disk is full" if error.errno in _FULL else error.strerror or str(error)
+        raise GdgError(
+            f"{root}: cannot be written: {what} ({error.filename or 'file system'}). What was "
+            f"finished is kept: make room and run the same command again."
+        ) from error

@@ -1,16 +1,13 @@
-"""Worker processes that share the machine's cores instead of fighting for them."""
+"""A function over a fixed list of items, in processes that share the machine's cores."""
 
 from __future__ import annotations
 
-import os
-import signal
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
-from multiprocessing import get_context
-from typing import TypeVar
+from dataclasses import dataclass
+from typing import Generic, TypeVar
 
-from gdg.errors import GdgError
+from gdg.engine.local import LocalEngine
+from gdg.engine.threads import usable_cores
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -21,51 +18,31 @@ def run_all(
 ) -> Iterator[tuple[Item, Result]]:
     """Yields (item, result) as each ends, from ``workers`` processes (1: from this one).
 
-    On Ctrl-C, and on any other exception, what waits is dropped and the workers are stopped.
+    What the function raises is raised here. On that, on Ctrl-C and on any other exception, what
+    waits is dropped and the workers are stopped.
 
     Raises:
-        GdgError: a worker was killed, by the system for want of memory, say.
+        GdgError: an item's worker was killed three times, by the system for want of memory, say.
     """
-    if workers == 1 or len(items) <= 1:
-        for item in items:
-            yield item, function(item)
-        return
-    pool = ProcessPoolExecutor(
-        min(workers, len(items)),
-        mp_context=get_context("spawn"),
-        initializer=_start_worker,
-        initargs=(workers,),
-    )
+    # by number: items may be equal, or None
+    waiting = list(reversed(list(enumerate(items))))
+    workers = max(1, min(workers, len(items)))
+    engine = LocalEngine(workers, threads=max(1, usable_cores() // workers))
+    outcomes = engine.run(_OfItem(function), lambda _: waiting.pop() if waiting else None)
     try:
-        futures = {pool.submit(function, item): item for item in items}
-        for future in as_completed(futures):
-            yield futures[future], future.result()
-    except BrokenProcessPool as error:
-        raise GdgError(
-            "a worker process was killed (out of memory?); what was finished is kept: run the "
-            "same command again, with fewer workers."
-        ) from error
-    except BaseException:
-        for process in (pool._processes or {}).values():
-            process.terminate()
-        raise
+        for outcome in outcomes:
+            if outcome.error is not None:
+                raise outcome.error
+            yield outcome.task[1], outcome.result  # type: ignore[misc]
     finally:
-        pool.shutdown(wait=False, cancel_futures=True)
+        outcomes.close()
 
 
-def _start_worker(workers: int) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent stops its workers itself
-    limit_threads(workers)
+@dataclass(frozen=True)
+class _OfItem(Generic[Item, Result]):
+    """The function, for numbered items."""
 
+    function: Callable[[Item], Result]
 
-def limit_threads(workers: int) -> None:
-    """Gives this process its share of the cores that it may use, for torch and numba alike."""
-    import numba
-    import torch
-
-    affinity = getattr(os, "sched_getaffinity", None)
-    cores = len(affinity(0)) if affinity else os.cpu_count() or 1
-    share = max(1, cores // workers)
-    torch.set_num_threads(share)
-    # numba refuses more than it started with (NUMBA_NUM_THREADS, or the cores that it saw)
-    numba.set_num_threads(min(share, numba.get_num_threads()))
+    def __call__(self, task: tuple[int, Item]) -> Result:
+        return self.function(task[1])

@@ -87,7 +87,7 @@ def hand_payload(
 
 def _tree(hand: Hand, scene: HandScene) -> dict[str, Any]:
     """The kinematic tree as the page's script takes it; poses column-major."""
-    rows = {joint.name: row for row, joint in enumerate(hand.moving_joints)}
+    rows = hand.moving_rows
     return {
         "root": hand.link_names.index(hand.urdf.root),
         "root_pose": _column_major(scene.T_picture_root),

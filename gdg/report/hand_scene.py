@@ -8,7 +8,6 @@ import numpy as np
 import torch
 import trimesh
 
-from gdg.hands.geometry import ConvexPart
 from gdg.hands.hand import Hand
 from gdg.kinds.hand_model import HandModel
 from gdg.report.markers import arrow_mesh, frame_axes, region_patch
@@ -152,17 +151,12 @@ def _region_items(hand: Hand, chains: tuple[Chain, ...]) -> tuple[Item, ...]:
     color = {link: chain.color for chain in chains for link in chain.links}
     items = []
     for link, regions in hand.spec.contact_regions.items():
-        index, parts = hand.link_names.index(link), parts_of(hand, link)
+        index, parts = hand.link_names.index(link), hand.parts_of(link)
         items += [
             Item("region", index, region_patch(np.array(r), parts), color.get(index, PALM_REGIONS))
             for r in regions
         ]
     return tuple(items)
-
-
-def parts_of(hand: Hand, link: str) -> list[ConvexPart]:
-    """The convex parts of one link."""
-    return [part for part in hand.parts if part.link == link]
 
 
 def _palm_items(hand: Hand, length: float) -> tuple[Item, ...]:

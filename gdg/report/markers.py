@@ -7,6 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 import trimesh
 
+from gdg.geometry.half_spaces import half_spaces
+from gdg.geometry.quadrilateral import grid_on
 from gdg.hands.geometry import ConvexPart
 from gdg.report.meshes import PictureMesh, picture_mesh
 
@@ -20,11 +22,7 @@ STEPS = 8
 
 def region_patch(corners: np.ndarray, parts: Sequence[ConvexPart]) -> PictureMesh:
     """A contact region (4, 3), bent over the surface where that bulges through it; two-sided."""
-    u, v = np.meshgrid(*[np.linspace(0.0, 1.0, STEPS + 1)] * 2)
-    u, v = u[..., None], v[..., None]
-    near = (1 - u) * corners[0] + u * corners[1]
-    far = (1 - u) * corners[3] + u * corners[2]
-    points = ((1 - v) * near + v * far).reshape(-1, 3)
+    points = grid_on(corners, STEPS + 1)
     normal = np.cross(corners[2] - corners[0], corners[3] - corners[1])
     normal = normal / max(float(np.linalg.norm(normal)), 1e-12)
     lift = _way_out(points, normal, parts)
@@ -48,10 +46,9 @@ def _way_out(points: np.ndarray, direction: np.ndarray, parts: Sequence[ConvexPa
     way = np.zeros(len(points))
     for _ in range(2):  # leaving one part may lead into another
         for part in parts:
-            planes = np.asarray(part.mesh.face_normals)
-            offsets = np.einsum("ij,ij->i", planes, part.mesh.triangles[:, 0])
-            depth = offsets - (points + way[:, None] * direction) @ planes.T
-            speed = planes @ direction
+            faces = half_spaces(part.mesh)
+            depth = -faces.heights(points + way[:, None] * direction)
+            speed = faces.normals @ direction
             times = np.where(speed > 1e-6, depth / np.maximum(speed, 1e-6), np.inf).min(-1)
             way += np.where((depth > -1e-6).all(-1), times, 0.0)  # an edge belongs to the part
     return way

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import pyvista
@@ -13,7 +12,7 @@ from scipy.spatial import KDTree
 from gdg.cache import cached_arrays, content_hash
 from gdg.errors import GdgError
 from gdg.geometry.mesh import load_mesh
-from gdg.hands.geometry import resolve_mesh
+from gdg.hands.geometry import resolve_mesh, shape_mesh
 from gdg.hands.hand import Hand
 from gdg.hands.urdf import Link, Shape
 
@@ -124,7 +123,7 @@ def part_meshes(hand: Hand) -> dict[int, PictureMesh]:
     """Link index -> its convex parts in the link's frame: the shapes that gdg computes with."""
     meshes = {}
     for index, link in enumerate(hand.link_names):
-        parts = [part.mesh for part in hand.parts if part.link == link]
+        parts = [part.mesh for part in hand.parts_of(link)]
         if parts:
             meshes[index] = picture_mesh(parts)
     return meshes
@@ -145,23 +144,16 @@ def _link_mesh(hand: Hand, link: Link) -> trimesh.Trimesh | None:
     except GdgError:
         # a lost or foreign visual file must not keep anyone from grasping
         meshes = []
-    meshes = meshes or [part.mesh for part in hand.parts if part.link == link.name]
+    meshes = meshes or [part.mesh for part in hand.parts_of(link.name)]
     merged = trimesh.util.concatenate(meshes) if meshes else None
     return merged if isinstance(merged, trimesh.Trimesh) else None
 
 
 def _shape_mesh(hand: Hand, link: str, shape: Shape) -> trimesh.Trimesh:
-    if shape.kind == "mesh":
-        path: Path = resolve_mesh(hand.urdf.path, hand.folder, link, shape.mesh)
-        mesh = load_mesh(path)
-        mesh.apply_transform(np.diag([*shape.size, 1.0]))
-    elif shape.kind == "box":
-        mesh = trimesh.creation.box(shape.size)
-    elif shape.kind == "cylinder":
-        mesh = trimesh.creation.cylinder(shape.size[0], shape.size[1], sections=32)
-    else:
-        mesh = trimesh.creation.icosphere(3, radius=shape.size[0])
-    return mesh.apply_transform(shape.T_link_shape)
+    def load() -> trimesh.Trimesh:
+        return load_mesh(resolve_mesh(hand.urdf.path, hand.folder, link, shape.mesh))
+
+    return shape_mesh(shape, load)
 
 
 def _picture_mesh(mesh: trimesh.Trimesh, share: float) -> PictureMesh:

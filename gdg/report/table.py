@@ -43,8 +43,13 @@ def _verdict_cells(verdict: Verdict | None) -> tuple[str | Text, ...]:
         millimetres(moved(verdict)),
         millimetres(verdict.drift_m),
         outcome,
-        f"{sum(verdict.shift_successes)}/{len(verdict.shift_successes)}",
+        _trials_cell(verdict),
     )
+
+
+def _trials_cell(verdict: Verdict) -> str:
+    ran = f"{sum(verdict.shift_successes)}/{len(verdict.shift_successes)}"
+    return f"{ran} of {verdict.trials}" if verdict.decided_early else ran
 
 
 def moved(verdict: Verdict) -> float:

@@ -27,6 +27,7 @@ function chip(grasp) {
 function verdictParts(verdict) {
   const longest = Math.max(...verdict.displacement_m.map((value) => value || 0), 1e-9);
   const passes = verdict.shift_successes.filter(Boolean).length;
+  const ran = verdict.shift_successes.length;
   return [
     make("div", `${verdict.protocol} · ${verdict.engine}${verdict.refined ? " · refined" : ""}`, "faint"),
     facts([
@@ -35,7 +36,7 @@ function verdictParts(verdict) {
       ["drift while closing", millimetres(verdict.drift_m)],
       ["penetration before", `${number(verdict.penetration_start_mm, 2)} mm`],
       ["penetration after settling", `${number(verdict.penetration_end_mm, 2)} mm`],
-      ["stability over shifts", `${passes}/${verdict.shift_successes.length}`],
+      ["stability over shifts", `${passes}/${ran}` + (ran < verdict.trials ? ` of ${verdict.trials}` : "")],
     ]),
     make("h2", "Push directions"),
     table(["push", "", "moved", "rotated", "held"], verdict.displacement_m.map((value, i) => [

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
+import numpy as np
 import torch
 
 from gdg.data.grasps import GraspSet
@@ -77,7 +79,8 @@ def absent_hand(case: SimulatorCase) -> Iterator[str]:
         yield "a hand one metre away must not pass."
     if any(verdict.contact_kept):
         yield "a hand one metre away has no contact to keep."
-    least = min(verdict.displacement_m, default=0.0)
+    measured = [value for value in verdict.displacement_m if not math.isnan(value)]
+    least = min(measured, default=0.0)
     if not least > protocol.success.max_displacement_m:
         yield (
             f"a free object moved only {1000 * least:.1f} mm in some direction, less than the "
@@ -132,7 +135,9 @@ def progress(case: SimulatorCase) -> Iterator[str]:
 
 def _apart(first: Verdict, second: Verdict, when: str) -> Iterator[str]:
     pairs = zip(first.displacement_m, second.displacement_m)
-    moved = max((abs(a - b) for a, b in pairs), default=0.0)
+    # what was not measured in both can't differ
+    apart = (abs(a - b) for a, b in pairs if not (math.isnan(a) and math.isnan(b)))
+    moved = float(np.max([0.0, *apart]))  # unlike max(), NaN where one is
     if first.success != second.success or not moved <= REPEAT_TOLERANCE_M:
         yield f"{when}, a grasp's object moved by {1000 * moved:.2g} mm more or less."
 
@@ -146,13 +151,27 @@ def _plain_mistakes(verdict: Verdict) -> Iterator[str]:
                 break
 
 
+def _trial_mistakes(verdict: Verdict, protocol: Protocol) -> Iterator[str]:
+    total, ran = 1 + protocol.shifts.count, len(verdict.shift_successes)
+    if verdict.trials not in (0, total):
+        yield f"trials is {verdict.trials}, but the protocol asks for {total}."
+    if ran == total:
+        return
+    passed = sum(verdict.shift_successes)
+    decided = 2 * passed > total or 2 * (ran - passed) >= total
+    if not (ran < total == verdict.trials and decided):
+        yield (
+            "shift_successes must have the unshifted trial and one value per shift; fewer only "
+            "where they decide the majority and trials gives the full number."
+        )
+
+
 def _field_mistakes(verdict: Verdict, protocol: Protocol) -> Iterator[str]:
     yield from _plain_mistakes(verdict)
+    yield from _trial_mistakes(verdict, protocol)
     for name in ("displacement_m", "rotation_rad", "contact_kept"):
         if len(getattr(verdict, name)) != len(DIRECTIONS):
             yield f"{name} must have one value per direction {', '.join(DIRECTIONS)}."
-    if len(verdict.shift_successes) != 1 + protocol.shifts.count:
-        yield "shift_successes must have the unshifted trial and one value per shift."
     if verdict.success != (verdict.failure == ""):
         yield "failure must be empty on success, and on success alone."
     if verdict.failure and verdict.failure not in FAILURES:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import igl
 import numpy as np
 
+from gdg.geometry.mesh import inside_convex
 from gdg.hands.geometry import ConvexPart
 
 
@@ -38,9 +39,6 @@ def _of_one(part: ConvexPart, points: np.ndarray) -> Nearest:
     vertices = np.ascontiguousarray(part.mesh.vertices, np.float64)
     faces = np.ascontiguousarray(part.mesh.faces, np.int64)
     squared, face, _ = igl.point_mesh_squared_distance(points, vertices, faces)
-    planes = np.asarray(part.mesh.face_normals)
-    offsets = np.einsum("ij,ij->i", planes, part.mesh.triangles[:, 0])
-    heights = points @ planes.T - offsets
-    inside = heights.max(-1) < 0
-    distance = np.sqrt(squared)
-    return Nearest(np.where(inside, -distance, distance), planes[np.asarray(face)])
+    inside, distance = inside_convex(part.mesh, points, margin=0.0), np.sqrt(squared)
+    normals = np.asarray(part.mesh.face_normals)[np.asarray(face)]
+    return Nearest(np.where(inside, -distance, distance), normals)

@@ -15,6 +15,7 @@ Contact-map generator `{generator}`, trained by gdg {gdg_version} on maps of the
 |---|---|
 | hands | {hands} |
 | held-out hands | {held_out_hands} |
+| split | {split}{split_hash} |
 | train objects ({train_object_count}) | {train_objects} |
 | validation objects ({validation_object_count}) | {validation_objects} |
 | maps, train / validation | {train_maps} / {validation_maps} |
@@ -55,6 +56,7 @@ def model_card(name: str, metadata: Mapping[str, Any]) -> str:
             "train_object_count": len(metadata["train_objects"]),
             "validation_object_count": len(metadata["validation_objects"]),
             "exported_epoch": metadata["exported_epoch"] + 1,
+            "split_hash": f" (`{metadata['split_sha256']}`)" if metadata["split_sha256"] else "",
             "val_recon": "not measured" if recon is None else f"{recon:.4f}",
         }
     )

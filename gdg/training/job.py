@@ -20,6 +20,8 @@ class TrainJob(JobConfig):
         data: folder of a grasp dataset, as ``gdg synth`` writes it.
         out: the run's folder.
         exclude_hand: hands to hold out; one name or a list.
+        split: name or file of a split lock, which says what may be learned from and which objects
+            choose the best epoch (``val_fraction`` does not count then); none by default.
         epochs: passes over the training maps (the release: 36).
         batch: maps per step; by default 128 as in the release, fewer where that would give less
             than 16 steps per epoch.
@@ -44,6 +46,7 @@ class TrainJob(JobConfig):
     data: Annotated[str, Field(min_length=1)]
     out: Annotated[str, Field(min_length=1)] = "runs/train"
     exclude_hand: Annotated[tuple[str, ...], BeforeValidator(_as_tuple)] = ()
+    split: str = ""
     epochs: Annotated[int, Field(ge=1)] = 36
     batch: Annotated[int, Field(ge=2)] | None = None
     learning_rate: Annotated[float, Field(gt=0)] = 1e-4

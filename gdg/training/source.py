@@ -1,7 +1,6 @@
 """Which grasps a training run may see, and their contact maps.
 
-Test objects never enter: not by the split that a shard records, nor by the split that its object
-has now, nor by a test object's name under another path.
+Test objects and held-out hands never enter (``gdg.training.leaks``).
 """
 
 from __future__ import annotations
@@ -13,94 +12,101 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from gdg.cache import cache_directory, content_hash
+from gdg.cache import UNREADABLE, cache_directory, content_hash
 from gdg.config import ComponentChoice
 from gdg.contact_maps import contact_maps_of_grasps
 from gdg.data.atomic import atomic_path
-from gdg.data.dataset import ShardInfo, read_shard, shards
+from gdg.data.dataset import read_shard
 from gdg.data.grasps import GraspSet
-from gdg.errors import GdgError, did_you_mean, raise_if_any
-from gdg.folders import HANDS, OBJECTS
+from gdg.data.shards import ShardInfo, shards
+from gdg.errors import GdgError, did_you_mean
+from gdg.folders import HANDS
 from gdg.hands.hand import find_hand
+from gdg.identity import Assets
 from gdg.kinds.distance import Distance
 from gdg.kinds.hand_model import HandModel
 from gdg.objects.model import ObjectModel, find_object
-from gdg.objects.spec import read_object_spec
+from gdg.splits import SplitLock, bare_name, load_split, where_is_object
 from gdg.training.job import TrainJob
+from gdg.training.leaks import TEST, refuse_by_lock, refuse_renamed_hands, refuse_test_objects
 from gdg.training.maps import MapGroup
 
-TEST = "test"
+#: Grasps whose maps are made at once.
+CHUNK = 256
 
 
 @dataclass(frozen=True)
 class Split:
-    """Shards to train on, and shards of other train objects to choose the best epoch by."""
+    """Shards to train on, and shards of other train objects to choose the best epoch by.
+
+    Attributes:
+        train: to train on.
+        validation: to choose by.
+        lock: what divided them, or None where the job's ``val_fraction`` did.
+    """
 
     train: tuple[ShardInfo, ...]
     validation: tuple[ShardInfo, ...]
+    lock: SplitLock | None = None
 
     def objects(self, which: str) -> list[str]:
         """Object names of ``train`` or ``validation``, sorted."""
         return sorted({info.object_name for info in getattr(self, which)})
+
+    def held_out_hands(self) -> list[str]:
+        """Names of the hands that the lock holds out, sorted."""
+        entries = self.lock.hands.held_out if self.lock is not None else ()
+        return sorted({entry.name for entry in entries})
+
+    def record(self) -> dict[str, str]:
+        """Name and content hash of the lock, as they stand in the run's record."""
+        if self.lock is None:
+            return {"split": "none", "split_sha256": ""}
+        return {"split": self.lock.label, "split_sha256": self.lock.content_hash}
 
 
 def choose_shards(job: TrainJob) -> Split:
     """The shards of the allowed hands, divided by object.
 
     Raises:
-        GdgError: no data, a test object among them, an unknown hand excluded, or too few objects
-            to hold some out.
+        GdgError: no data, a test object or a held-out hand among them, an unknown hand excluded,
+            or too few objects to hold some out.
     """
+    lock = load_split(job.split) if job.split else None
     found = [info for info in shards(Path(job.data).expanduser()) if info.count]
     refuse_test_objects(found)
-    hands = {info.hand for info in found}
-    for hand in job.exclude_hand:
-        known = hands | set(HANDS.all())
-        if hand not in known:
-            raise GdgError(f"exclude_hand: there is no hand '{hand}'.{did_you_mean(hand, known)}")
+    _refuse_unknown_hands(job, {info.hand for info in found})
     allowed = [info for info in found if info.hand not in job.exclude_hand]
     if not allowed:
         without = f" without {', '.join(job.exclude_hand)}" if job.exclude_hand else ""
         raise GdgError(f"data: {job.data}{without} holds no grasps.")
-    held_out = _validation_objects(sorted({info.object_name for info in allowed}), job)
+    assets = Assets()
+    excluded = [info for info in found if info.hand in job.exclude_hand]
+    refuse_renamed_hands(allowed, excluded, job.exclude_hand, assets)
+    if lock is not None:
+        refuse_by_lock(allowed, lock, assets)
+    held_out = _validation_objects(allowed, job, lock)
     return Split(
-        tuple(info for info in allowed if info.object_name not in held_out),
-        tuple(info for info in allowed if info.object_name in held_out),
+        tuple(info for info in allowed if bare_name(info.object_name) not in held_out),
+        tuple(info for info in allowed if bare_name(info.object_name) in held_out),
+        lock,
     )
 
 
-def refuse_test_objects(found: Sequence[ShardInfo]) -> None:
-    """Raises if any shard's object belongs to a test split.
-
-    Raises:
-        GdgError: naming each such object and one of its shards.
-    """
-    names = _test_object_names()
-    leaks = {
-        info.object_name: info.path
-        for info in found
-        if info.split == TEST or _bare(info.object_name) in names
-    }
-    raise_if_any(
-        [
-            f"data: {path}: '{name}' is a test object, and training on it would spoil every test "
-            f"on it; remove its folder from the data."
-            for name, path in sorted(leaks.items())
-        ]
-    )
+def _refuse_unknown_hands(job: TrainJob, in_data: set[str]) -> None:
+    known = in_data | set(HANDS.all())
+    for hand in job.exclude_hand:
+        if hand not in known:
+            raise GdgError(f"exclude_hand: there is no hand '{hand}'.{did_you_mean(hand, known)}")
 
 
-def _bare(object_name: str) -> str:
-    """``apple`` of ``contactdb+apple``."""
-    return object_name.rpartition("+")[2]
-
-
-def _test_object_names() -> set[str]:
-    folders = [found.path for found in OBJECTS.all().values() if found.path.is_dir()]
-    return {_bare(spec.name) for spec in map(read_object_spec, folders) if spec.split == TEST}
-
-
-def _validation_objects(objects: list[str], job: TrainJob) -> set[str]:
+def _validation_objects(
+    allowed: Sequence[ShardInfo], job: TrainJob, lock: SplitLock | None
+) -> set[str]:
+    """Bare names of the objects to hold out: all meshes of one object stay together."""
+    objects = sorted({bare_name(info.object_name) for info in allowed})
+    if lock is not None:
+        return _locked_validation(allowed, job, lock)
     if job.val_fraction == 0:
         if job.keep == "best":
             raise GdgError("keep=best needs validation objects; write keep=last or a val_fraction.")
@@ -113,6 +119,22 @@ def _validation_objects(objects: list[str], job: TrainJob) -> set[str]:
         )
     order = np.random.default_rng(job.seed).permutation(len(objects))
     return {objects[index] for index in order[:count]}
+
+
+def _locked_validation(allowed: Sequence[ShardInfo], job: TrainJob, lock: SplitLock) -> set[str]:
+    where = {
+        bare_name(info.object_name): where_is_object(lock, info.object_name, info.object_hash)
+        for info in allowed
+    }
+    held_out = {name for name, part in where.items() if part == "validation"}
+    if held_out == set(where):
+        raise GdgError(f"data: {job.data} holds no train object of the split {lock.label}.")
+    if not held_out and job.keep == "best":
+        raise GdgError(
+            f"keep=best needs validation objects, but {job.data} holds none of the split "
+            f"{lock.label}; write keep=last."
+        )
+    return held_out
 
 
 class MapSource:
@@ -144,21 +166,28 @@ class MapSource:
             GdgError: the shard can't be read, or its hand or object are not what they were.
         """
         obj, path = self._object(info), self._cache_path(info)
-        if not path.is_file():
-            grasps = good_grasps(read_shard(info.path))
-            values = np.empty((0, len(obj.points)), np.float16)
-            if len(grasps):
-                maps = contact_maps_of_grasps(self._hand(info), obj, grasps, self.distance)
-                values = maps.values.half().numpy()
+        count = _stored_maps(path)
+        if count is None:
+            values = self._maps(info, obj)
+            count = len(values)
             with atomic_path(path) as temporary, temporary.open("wb") as stream:
                 np.save(stream, values)
-        count = len(np.load(path, mmap_mode="r", allow_pickle=False))
         if not count:
             return None
         return MapGroup(info.hand, info.object_name, obj.points, path, count)
 
+    def _maps(self, info: ShardInfo, obj: ObjectModel) -> np.ndarray:
+        """The maps in half precision, made a chunk at a time: in single they are large."""
+        grasps, maps = good_grasps(read_shard(info.path)), [np.empty((0, len(obj.points)), "f2")]
+        for start in range(0, len(grasps), CHUNK):
+            chunk = grasps.select(range(start, min(start + CHUNK, len(grasps))))
+            made = contact_maps_of_grasps(self._hand(info), obj, chunk, self.distance)
+            maps.append(made.values.half().numpy())
+        return np.concatenate(maps)
+
     def _cache_path(self, info: ShardInfo) -> Path:
-        shard_hash = content_hash(info.path.read_bytes())
+        # every shard of schema 2 knows its checksum; of an older one the bytes are read
+        shard_hash = info.checksum or content_hash(info.path.read_bytes())
         self.shard_hashes[info.path] = shard_hash
         parts = ("maps-1", shard_hash, info.hand_hash, info.object_hash, self._recipe)
         return cache_directory() / "maps" / f"{content_hash(*parts)}.npy"
@@ -192,6 +221,14 @@ class MapSource:
                 f"'{info.object_name}' than {obj.path}; synthesise them anew."
             )
         return obj
+
+
+def _stored_maps(path: Path) -> int | None:
+    """How many maps a file holds; None where there is none, or one that can't be read."""
+    try:
+        return len(np.load(path, mmap_mode="r", allow_pickle=False))
+    except UNREADABLE:
+        return None
 
 
 def good_grasps(grasps: GraspSet) -> GraspSet:

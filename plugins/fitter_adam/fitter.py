@@ -12,12 +12,12 @@ from torch import Tensor
 from gdg.contact_maps import values_on
 from gdg.data.contact_map import ContactMap
 from gdg.data.grasps import GraspSet
-from gdg.energies import nearest_point_penetration, penetration
 from gdg.initial_poses import above_surface, around_sphere
 from gdg.kinds.distance import Distance
 from gdg.kinds.fitter import Fitter, Progress
 from gdg.kinds.hand_model import HandModel
 from gdg.objects.model import ObjectModel
+from gdg.penetration import nearest_point_penetration, penetration, self_penetration
 from gdg.rotations import ROOT_DIM, root_pose
 
 from .options import AdamOptions
@@ -156,7 +156,7 @@ class AdamFitter(Fitter):
             summed = NEAREST_WEIGHT * nearest_point_penetration(obj, points)
         overlap = torch.zeros(len(q), device=q.device)
         if self.options.self_weight > 0:
-            overlap = hand.self_penetration(poses)
+            overlap = self_penetration(hand, poses)
         return Terms(
             contact=(values - targets).abs().mean(-1),
             penetration=summed,

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from gdg.energies import penetration
 from gdg.force_closure import force_closure_error
 from gdg.kinds.hand_model import HandModel
 from gdg.objects.model import ObjectModel
+from gdg.penetration import penetration, self_penetration
 
 from .options import DfcOptions
 
@@ -28,10 +28,38 @@ class Contacts:
     region: Int[Tensor, "batch contact"]
     place: Float[Tensor, "batch contact 2"]
 
+    def with_one(
+        self, slot: Int[Tensor, "batch"], chosen: Bool[Tensor, "batch"], fresh: Contacts
+    ) -> Contacts:
+        """These with the contact in ``slot`` of each chosen element replaced by its fresh one."""
+        slots = torch.arange(self.region.shape[1], device=slot.device)
+        here = chosen[:, None] & (slots == slot[:, None])
+        return Contacts(
+            torch.where(here, fresh.region, self.region),
+            torch.where(here[..., None], fresh.place, self.place),
+        )
+
+
+@dataclass(frozen=True)
+class Touch:
+    """Contact points in the world, and the object there.
+
+    Attributes:
+        points: metres.
+        hand_normals: outward unit normals of the hand.
+        normals: outward unit normals of the object's nearest surface.
+        distances: from that surface, metres, ≥ 0 on both sides.
+    """
+
+    points: Float[Tensor, "batch contact 3"]
+    hand_normals: Float[Tensor, "batch contact 3"]
+    normals: Float[Tensor, "batch contact 3"]
+    distances: Float[Tensor, "batch contact"]
+
 
 @dataclass(frozen=True)
 class Terms:
-    """Unweighted energy terms per chain, and the contact points they belong to."""
+    """Unweighted energy terms per chain, and what they were made of."""
 
     force_closure: Float[Tensor, "batch"]
     distance: Float[Tensor, "batch"]
@@ -40,8 +68,8 @@ class Terms:
     depth: Float[Tensor, "batch"]
     self_penetration: Float[Tensor, "batch"]
     limits: Float[Tensor, "batch"]
-    contact_distances: Float[Tensor, "batch contact"]
-    contact_points: Float[Tensor, "batch contact 3"]
+    touch: Touch
+    Ts_world_link: Float[Tensor, "batch link 4 4"]
 
 
 class GraspEnergy:
@@ -51,42 +79,64 @@ class GraspEnergy:
         self.hand, self.obj, self.options = hand, obj, options
         self._center = obj.center_of_mass.to(hand.device)
 
-    def terms(self, q: Float[Tensor, "batch dof"], contacts: Contacts, stride: int = 1) -> Terms:
+    def terms(
+        self,
+        q: Float[Tensor, "batch dof"],
+        contacts: Contacts,
+        stride: int = 1,
+        margin_m: float = 0.0,
+    ) -> Terms:
         """All terms, differentiable in q and in the contacts' places.
 
-        ``stride`` thins the surface points of the penetration term.
+        ``stride`` and ``margin_m`` are those of ``gdg.penetration.penetration``.
         """
-        hand, sdf = self.hand, self.obj.sdf
-        poses = hand.link_poses(q)
-        local, link = self.contact_points_in_links(contacts)
-        points = hand.place(poses, local, link)
-        hand_normals = hand.turn(poses, hand.regions.normals[contacts.region], link)
-        normals, distances = sdf.normals(points), sdf.distance(points).abs()
-        length = self.obj.radius
-        inside = penetration(hand, self.obj, poses, stride)
+        poses = self.hand.link_poses(q)
+        touch = self.touch(poses, contacts)
+        inside = penetration(self.hand, self.obj, poses, stride, margin_m)
         return Terms(
-            force_closure=force_closure_error(points - self._center, normals, length),
-            distance=distances.sum(-1),
-            normals=(1 + (hand_normals * normals).sum(-1)).sum(-1),
+            force_closure=self.force_closure(touch),
+            distance=touch.distances.sum(-1),
+            normals=self.turned_away(touch).sum(-1),
             penetration=inside.summed,
             depth=inside.depth,
-            self_penetration=hand.self_penetration(poses),
-            limits=hand.limit_violation(q),
-            contact_distances=distances,
-            contact_points=points,
+            self_penetration=self_penetration(self.hand, poses),
+            limits=self.hand.limit_violation(q),
+            touch=touch,
+            Ts_world_link=poses,
         )
 
-    def total(self, terms: Terms) -> Float[Tensor, "batch"]:
-        """Weighted sum of the terms."""
+    def total(self, terms: Terms, hardness: float = 1.0) -> Float[Tensor, "batch"]:
+        """Weighted sum of the terms; ``hardness`` multiplies the two penetration weights."""
         o = self.options
         return (
             o.force_closure_weight * terms.force_closure
             + o.distance_weight * terms.distance
             + o.normal_weight * terms.normals
-            + o.penetration_weight * terms.penetration
-            + o.self_weight * terms.self_penetration
+            + hardness * o.penetration_weight * terms.penetration
+            + hardness * o.self_weight * terms.self_penetration
             + o.limit_weight * terms.limits
         )
+
+    def touch(self, Ts_world_link: Float[Tensor, "batch link 4 4"], contacts: Contacts) -> Touch:
+        """Where contact points lie when the links are where they are."""
+        local, link = self.contact_points_in_links(contacts)
+        hand, sdf = self.hand, self.obj.sdf
+        points = hand.place(Ts_world_link, local, link)
+        outward = hand.turn(Ts_world_link, hand.regions.normals[contacts.region], link)
+        return Touch(points, outward, sdf.normals(points), sdf.distance(points).abs())
+
+    def force_closure(self, touch: Touch) -> Float[Tensor, "batch"]:
+        """‖G c‖ / n, torques about the centre of mass divided by the object's radius."""
+        return force_closure_error(touch.points - self._center, touch.normals, self.obj.radius)
+
+    def wrenches(self, touch: Touch) -> Float[Tensor, "batch contact 6"]:
+        """Wrench of a unit force along the normal at each contact, torques as above."""
+        torques = torch.linalg.cross(touch.points - self._center, touch.normals)
+        return torch.cat((touch.normals, torques / self.obj.radius), dim=-1)
+
+    def turned_away(self, touch: Touch) -> Float[Tensor, "batch contact"]:
+        """1 + ⟨n_hand, n_object⟩: 0 where a pad faces the surface."""
+        return 1 + (touch.hand_normals * touch.normals).sum(-1)
 
     def contact_points_in_links(
         self, contacts: Contacts

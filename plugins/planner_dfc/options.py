@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -10,20 +10,22 @@ from gdg.components import Options
 
 Weight = Annotated[float, Field(ge=0)]
 Positive = Annotated[float, Field(gt=0)]
+Share = Annotated[float, Field(ge=0, le=1)]
 
 
 class DfcOptions(Options):
     """Options of ``DfcPlanner``.
 
-    The recipe is DexGraspNet's (Wang et al. 2023), annealed in 800 steps in place of 6000, so it
-    ends less exactly; thresholds are looser too (there: ‖G c‖ ≤ 0.3 summed over contacts, 5 mm,
-    1 mm), and the simulator decides.
-
     Attributes:
+        sampler: ``annealed``: a short annealed MALA (after DexGraspNet, Wang et al. 2023);
+            ``published``: the MALA of Liu et al. 2021 that GenDexGrasp used, with its own
+            schedule, for reference; it ignores what is said of the annealed one.
         contacts: contact points per grasp.
         steps: MALA steps.
         batch: chains run at once.
         max_batches: give up after this many batches without enough accepted grasps.
+        oversample: chains started for each of the ``batch`` that go on (annealed).
+        cull_at: share of the steps after which the others are dropped (annealed).
         force_closure_weight: weight of ‖G c‖ / n, torques divided by the object's radius.
         distance_weight: per metre of Σ |δ(x_i)|.
         penetration_weight: per metre of Σ relu(−δ) over the hand's surface.
@@ -34,35 +36,47 @@ class DfcOptions(Options):
         noise: standard deviation of Langevin's noise, as a share of the step (Liu et al. 2021).
         temperature: at the start; it decays by ``decay`` every ``temperature_period``.
         switch_probability: chance per step and chain that one contact moves to another region.
+        switch_tries: random places of which it takes the nearest that faces the object.
         surface_stride: penetration is summed over every so-manieth surface point while sampling;
             acceptance tests all of them.
         settle_share: share of the steps, at the end, in which no contact switches any more.
+        hardening: factor of both penetration weights at the end of them.
+        clearance_m: the hand counts as so much thicker while sampling, metres: edges and corners
+            reach deeper into an object than the sampled points between them (annealed).
+        close: close the fingers of the final states until they touch the object.
         max_force_closure: largest accepted ‖G c‖ / n.
         max_distance_m: largest accepted distance of a contact point, metres.
         max_penetration_m: largest accepted depth of a hand point, metres.
         max_self_m: largest accepted summed self-penetration, metres.
     """
 
+    sampler: Literal["annealed", "published"] = "annealed"
     contacts: Annotated[int, Field(ge=2, le=32)] = 4
-    steps: Annotated[int, Field(ge=1)] = 800
+    steps: Annotated[int, Field(ge=1)] = 300
     batch: Annotated[int, Field(ge=1)] = 128
     max_batches: Annotated[int, Field(ge=1)] = 4
+    oversample: Annotated[int, Field(ge=1)] = 6
+    cull_at: Share = 0.2
     force_closure_weight: Weight = 6.0
     distance_weight: Weight = 150.0
     penetration_weight: Weight = 100.0
     self_weight: Weight = 30.0
     limit_weight: Weight = 10.0
     normal_weight: Weight = 0.2
-    step_size: Positive = 0.005
-    noise: Weight = 0.1
+    step_size: Positive = 0.01
+    noise: Weight = 0.3
     temperature: Positive = 2.0
     decay: Annotated[float, Field(gt=0, le=1)] = 0.95
-    step_period: Annotated[int, Field(ge=1)] = 20
-    temperature_period: Annotated[int, Field(ge=1)] = 8
-    switch_probability: Annotated[float, Field(ge=0, le=1)] = 0.4
-    surface_stride: Annotated[int, Field(ge=1)] = 4
-    settle_share: Annotated[float, Field(ge=0, le=1)] = 0.3
+    step_period: Annotated[int, Field(ge=1)] = 8
+    temperature_period: Annotated[int, Field(ge=1)] = 3
+    switch_probability: Share = 0.4
+    switch_tries: Annotated[int, Field(ge=1)] = 16
+    surface_stride: Annotated[int, Field(ge=1)] = 1
+    settle_share: Share = 0.3
+    hardening: Annotated[float, Field(ge=1)] = 8.0
+    clearance_m: Weight = 0.0015
+    close: bool = False
     max_force_closure: Positive = 0.25
     max_distance_m: Positive = 0.006
-    max_penetration_m: Positive = 0.002
-    max_self_m: Positive = 0.002
+    max_penetration_m: Positive = 0.001
+    max_self_m: Positive = 0.001

@@ -8,6 +8,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from gdg.closure import close_until_touch
 from gdg.data.grasps import GraspSet
 from gdg.errors import GdgError
 from gdg.initial_poses import above_surface
@@ -17,9 +18,10 @@ from gdg.kinds.planner import Planner
 from gdg.objects.model import ObjectModel
 from gdg.rotations import ROOT_DIM, root_pose
 
+from .annealed import AnnealedMala
 from .energy import Contacts, GraspEnergy
-from .mala import Mala
 from .options import DfcOptions
+from .published import PublishedMala
 
 #: Accepted pose vectors (grasp, dof), and the energies of each.
 Accepted = tuple[Tensor, dict[str, Tensor]]
@@ -48,29 +50,28 @@ class DfcPlanner(Planner):
         """
         if len(hand.regions.corners) == 0:
             raise GdgError(f"hand '{hand.hand.name}': planner dfc needs contact_regions.")
-        energy = GraspEnergy(hand, obj, self.options)
+        o = self.options
+        energy = GraspEnergy(hand, obj, o)
+        sampler = (AnnealedMala if o.sampler == "annealed" else PublishedMala)(energy, o, generator)
         found: list[Accepted] = []
         rejected: Counter[str] = Counter()
-        acceptance = []
-        for batch in range(self.options.max_batches):
-            mala = Mala(energy, self.options, generator)
-            start = above_surface(hand, obj, self.options.batch, generator)
+        for batch in range(o.max_batches):
 
             def report(step: int, batch: int = batch) -> None:
                 if progress is not None:
-                    done = batch * self.options.steps + step
-                    progress(done, self.options.max_batches * self.options.steps)
+                    progress(batch * sampler.steps + step, o.max_batches * sampler.steps)
 
-            q, contacts = mala.run(start, report)
-            q = hand.clamp(q)
+            chains = sampler.run(above_surface(hand, obj, sampler.starts, generator), report)
+            q, contacts = hand.clamp(chains.q), chains.contacts
+            if o.close:
+                q = close_until_touch(hand, obj, q)
             found.append(self._accepted(energy, q, contacts, rejected))
-            acceptance.append(mala.accepted / max(1, mala.proposed))
             if sum(len(q) for q, _ in found) >= count:
                 break
         provenance = {
-            "candidates": len(acceptance) * self.options.batch,
+            "candidates": len(found) * o.batch,
             "rejected": dict(rejected),
-            "acceptance_rate": sum(acceptance) / len(acceptance),
+            "acceptance_rate": sampler.accepted / max(1, sampler.proposed),
         }
         return self._grasps(energy, found, count, provenance)
 
@@ -82,7 +83,7 @@ class DfcPlanner(Planner):
         terms = energy.terms(q, contacts)
         tests = {
             "not finite": ~torch.isfinite(q).all(-1),
-            "contact off the surface": terms.contact_distances.amax(-1) > o.max_distance_m,
+            "contact off the surface": terms.touch.distances.amax(-1) > o.max_distance_m,
             "penetration": terms.depth > o.max_penetration_m,
             "self-penetration": terms.self_penetration > o.max_self_m,
             "no force closure": terms.force_closure > o.max_force_closure,

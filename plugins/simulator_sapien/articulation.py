@@ -80,7 +80,7 @@ class HandArticulation:
     ):
         self.hand = hand
         self.bodies = hand_bodies(hand)
-        self._row = {joint.name: row for row, joint in enumerate(hand.moving_joints)}
+        self._row = hand.moving_rows
         self.entities: list[sapien.Entity] = []  # links don't keep their entities alive
         self.links = self._make_links(surface, protocol)
         self._articulation = self.links[0].articulation

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -13,6 +13,10 @@ class SapienOptions(Options):
     """Options of ``SapienSimulator``.
 
     Attributes:
+        trials: ``all`` of the protocol's, the unshifted one to its end; ``decisive``: only until
+            the majority is decided, and each of them until its outcome is. Success and the
+            failure's name are the same; what did not run isn't known, so displacements of a
+            failing grasp may be NaN, and ``stable`` of a passing one None. For synthesis.
         position_iterations: the solver's position iterations per step.
         velocity_iterations: the solver's velocity iterations per step.
         contact_offset_m: PhysX makes contacts between shapes nearer than the sum of their
@@ -26,6 +30,7 @@ class SapienOptions(Options):
             forces are those of the drives, whatever the number of iterations.
     """
 
+    trials: Literal["all", "decisive"] = "all"
     position_iterations: Annotated[int, Field(ge=1, le=255)] = 20
     velocity_iterations: Annotated[int, Field(ge=0, le=255)] = 1
     contact_offset_m: Annotated[float, Field(gt=0, le=0.02)] = 0.002

@@ -9,19 +9,19 @@ import torch
 
 from gdg.data.grasps import GraspSet
 from gdg.data.verdict import Verdict
-from gdg.energies import penetration_depth
 from gdg.errors import GdgError
 from gdg.hands.hand import Hand
 from gdg.kinds.fitter import Progress
 from gdg.kinds.hand_model import HandModel
 from gdg.kinds.simulator import Simulator
 from gdg.objects.model import ObjectModel
+from gdg.penetration import penetration_depth
 from gdg.protocols import Protocol
 
 from .engine import sapien
 from .options import SapienOptions
 from .scene import GraspScene
-from .trial import Start, Trial, free_displacement, run_trial
+from .trial import Start, Trial, Until, free_displacement, run_trial
 
 ENGINE = f"sapien {sapien.__version__}"
 #: Directions in which the hand is shifted, in this order; further shifts repeat them, doubled.
@@ -64,21 +64,30 @@ class SapienSimulator(Simulator):
         scene = self.build_scene(hand.hand, obj, protocol)
         free = free_displacement(scene, protocol)
         depths = _start_penetration(hand, obj, grasps)
+        shifts = _shifts(protocol)
         verdicts = []
         for index, start in enumerate(_starts(grasps)):
             began = time.perf_counter()
-            trials = []
-            for shift in _shifts(protocol):
-                trials.append(run_trial(scene, protocol, start.shifted(shift), not trials))
-                if trials[-1].failure == "diverged":
+            trials: list[Trial] = []
+            for shift in shifts:
+                trials.append(run_trial(scene, protocol, start.shifted(shift), self._until(trials)))
+                if trials[-1].diverged:
                     # NaN stays in a PhysX scene
                     scene = self.build_scene(hand.hand, obj, protocol)
+                if self.options.trials == "decisive" and _decided(trials, len(shifts)):
+                    break
             seconds = time.perf_counter() - began
             refined = grasps.targets is not None
             verdicts.append(_verdict(trials, protocol, depths[index], free, refined, seconds))
             if progress is not None:
                 progress(index + 1, len(grasps))
         return tuple(verdicts)
+
+    def _until(self, before: list[Trial]) -> Until:
+        """How long the trial after these must run: the first that fails names the failure."""
+        if not before and self.options.trials == "all":
+            return "end"
+        return "failed" if any(trial.failure for trial in before) else "named"
 
     def build_scene(self, hand: Hand, obj: ObjectModel, protocol: Protocol) -> GraspScene:
         """A fresh scene; subclasses may alter it before trials run in it."""
@@ -103,6 +112,12 @@ def _shifts(protocol: Protocol) -> list[np.ndarray]:
     return shifts
 
 
+def _decided(trials: list[Trial], total: int) -> bool:
+    """Whether the trials still to come, up to ``total``, can't change the majority."""
+    failed = sum(1 for trial in trials if trial.failure)
+    return 2 * (len(trials) - failed) > total or 2 * failed >= total
+
+
 def _start_penetration(hand: HandModel, obj: ObjectModel, grasps: GraspSet) -> list[float]:
     """Penetration depth of each grasp as it starts, millimetres."""
     with torch.no_grad():
@@ -118,7 +133,9 @@ def _verdict(
     seconds: float,
 ) -> Verdict:
     first, passed = trials[0], tuple(not trial.failure for trial in trials)
-    success = 2 * sum(passed) > len(passed)
+    total = 1 + protocol.shifts.count
+    # of all trials, since those that were left out can't change a majority
+    success = 2 * sum(passed) > total
     failures = [trial.failure for trial in trials if trial.failure]
     return Verdict(
         success=success,
@@ -135,4 +152,5 @@ def _verdict(
         engine=ENGINE,
         refined=refined,
         seconds=seconds,
+        trials=total,
     )

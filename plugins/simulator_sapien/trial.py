@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -13,6 +14,9 @@ from .scene import GraspScene, ObjectState
 
 #: Unit vectors in the order of ``DIRECTIONS``.
 PUSH_VECTORS = tuple(sign * axis for axis in np.eye(3) for sign in (1.0, -1.0))
+#: When a trial stops. ``end``: after all six pushes, whatever happens. ``named``: as soon as it has
+#: failed and no later push can give the failure another name. ``failed``: as soon as it has failed.
+Until = Literal["end", "named", "failed"]
 #: An object faster than this was thrown out by the solver, m/s.
 MAX_PLAUSIBLE_SPEED = 50.0
 
@@ -36,8 +40,11 @@ class Start:
 class Trial:
     """What one trial gave; see ``Verdict`` for the fields and their units.
 
+    A push that didn't take place has NaN for displacement and rotation, and no contact kept.
+
     Attributes:
         overlap: solver's largest overlap after settling, metres.
+        diverged: whether the simulation ended in nonsense; the scene is then unusable.
     """
 
     failure: str
@@ -46,6 +53,7 @@ class Trial:
     drift: float
     contact_kept: tuple[bool, ...]
     overlap: float
+    diverged: bool
 
 
 @dataclass(frozen=True)
@@ -57,14 +65,17 @@ class Push:
     touching: bool
 
 
-def run_trial(scene: GraspScene, protocol: Protocol, start: Start, complete: bool) -> Trial:
+def run_trial(scene: GraspScene, protocol: Protocol, start: Start, until: Until = "end") -> Trial:
     """Runs the protocol once.
+
+    Whether the trial fails is the same for every ``until``; so is the failure's name, but for
+    ``failed``. What failed first names the failure of a simulation that diverges later.
 
     Args:
         scene: hand and object, built for this protocol.
         protocol: the stability test.
         start: where hand and drives start.
-        complete: whether to go through all six pushes when the grasp has failed before.
+        until: when to stop.
     """
     scene.reset(start.T_object_root, start.joints, start.targets)
     before = scene.object_state()
@@ -73,18 +84,20 @@ def run_trial(scene: GraspScene, protocol: Protocol, start: Start, complete: boo
     settled, overlap = scene.object_state(), scene.touch().overlap
     drift = settled.displacement_from(before)
     failure = _start_failure(protocol, settled, overlap, drift)
-    if failure == "diverged" or (failure and not complete):
-        return _cut_short(failure, drift, overlap)
-    pushes = _push_all(scene, protocol, settled)
-    if pushes is None:
-        return _cut_short("diverged", drift, overlap)
+    pushes, diverged = [], failure == "diverged"
+    if not diverged and (until == "end" or not failure):
+        pushes, diverged = _push_all(scene, protocol, settled, until)
+    failure = failure or _push_failure(protocol, pushes) or ("diverged" if diverged else "")
+    missing = len(DIRECTIONS) - len(pushes)
+    unknown = (float("nan"),) * missing
     return Trial(
-        failure or _push_failure(protocol, pushes),
-        tuple(push.displacement for push in pushes),
-        tuple(push.rotation for push in pushes),
+        failure,
+        tuple(push.displacement for push in pushes) + unknown,
+        tuple(push.rotation for push in pushes) + unknown,
         drift,
-        tuple(push.touching for push in pushes),
+        tuple(push.touching for push in pushes) + (False,) * missing,
         overlap,
+        diverged,
     )
 
 
@@ -96,8 +109,10 @@ def free_displacement(scene: GraspScene, protocol: Protocol) -> float:
     return scene.object_state().displacement_from(before)
 
 
-def _push_all(scene: GraspScene, protocol: Protocol, settled: ObjectState) -> list[Push] | None:
-    """All six pushes, or None when the simulation diverged."""
+def _push_all(
+    scene: GraspScene, protocol: Protocol, settled: ObjectState, until: Until
+) -> tuple[list[Push], bool]:
+    """The pushes up to ``until``, and whether the simulation diverged in the one after them."""
     pushes, reference = [], settled
     start = scene.save()
     for vector in PUSH_VECTORS:
@@ -108,7 +123,7 @@ def _push_all(scene: GraspScene, protocol: Protocol, settled: ObjectState) -> li
         scene.step(protocol.pushes.steps, protocol.pushes.acceleration * vector)
         state = scene.object_state()
         if _diverged(state):
-            return None
+            return pushes, True
         pushes.append(
             Push(
                 state.displacement_from(reference),
@@ -116,7 +131,19 @@ def _push_all(scene: GraspScene, protocol: Protocol, settled: ObjectState) -> li
                 scene.touch().touching,
             )
         )
-    return pushes
+        if _is_over(protocol, pushes, until):
+            break
+    return pushes, False
+
+
+def _is_over(protocol: Protocol, pushes: list[Push], until: Until) -> bool:
+    """Whether a trial may stop after these pushes."""
+    if until == "end":
+        return False
+    failure = _push_failure(protocol, pushes)
+    # any later push may still give a failure the name that goes before all others
+    foremost = "lost-contact" if protocol.success.contact else "moved"
+    return failure == foremost if until == "named" else bool(failure)
 
 
 def _diverged(state: ObjectState) -> bool:
@@ -135,9 +162,11 @@ def _start_failure(protocol: Protocol, settled: ObjectState, overlap: float, dri
 
 
 def _push_failure(protocol: Protocol, pushes: list[Push]) -> str:
+    """What the pushes so far fail by, empty if nothing yet."""
     success = protocol.success
     together = success.measured == "total" and protocol.pushes.order == "sequential"
-    judged = pushes[-1:] if together else pushes
+    # in total, only where the object is after the last push counts
+    judged = pushes[len(DIRECTIONS) - 1 :] if together else pushes
     if success.contact and not all(push.touching for push in pushes):
         return "lost-contact"
     if any(push.displacement > success.max_displacement_m for push in judged):
@@ -146,10 +175,3 @@ def _push_failure(protocol: Protocol, pushes: list[Push]) -> str:
     if limit is not None and any(push.rotation > limit for push in judged):
         return "rotated"
     return ""
-
-
-def _cut_short(failure: str, drift: float, overlap: float) -> Trial:
-    """A trial that ended before its pushes were done: NaN stands for what was not measured."""
-    count = len(DIRECTIONS)
-    unknown = (float("nan"),) * count
-    return Trial(failure, unknown, unknown, drift, (False,) * count, overlap)

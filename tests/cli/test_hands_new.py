@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import signal
 from collections.abc import Callable
 from pathlib import Path
 
@@ -140,6 +141,16 @@ def test_a_bad_name_is_refused_with_a_better_one(run: Run, tmp_path: Path, name:
     assert contents(tmp_path) == before
 
 
+def test_a_folder_of_another_name_is_refused_at_once(run: Run, tmp_path: Path):
+    source = write(tmp_path, jaws(), "gripper.urdf")
+    before = contents(tmp_path)
+    better = "Write --out deep/my_hand."
+    refused(run("hands", "new", source, "my_hand", "--out", "deep/other"), "deep/other", better)
+    refused(run("hands", "new", source, "--out", "My.Hand"), "is called 'my'", "--out my.")
+    refused(run("hands", "new", source, "my_hand", "--out", "."), "--out my_hand.")
+    assert contents(tmp_path) == before
+
+
 def test_a_file_whose_name_gives_none_needs_one(run: Run, tmp_path: Path):
     source = write(tmp_path, jaws(), "手.urdf")
     refused(run("hands", "new", source), "手.urdf", "gives no name")
@@ -187,16 +198,23 @@ def test_an_unknown_root_is_told(run: Run, tmp_path: Path):
     assert contents(tmp_path) == before
 
 
-def test_an_interrupt_leaves_nothing_behind(
-    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
-    def interrupted(*args: object) -> None:
-        raise KeyboardInterrupt
+def interrupted(*args: object) -> None:
+    raise KeyboardInterrupt
 
-    monkeypatch.setattr("gdg.hands.create.propose", interrupted)
-    source = write(tmp_path, jaws(), "gripper.urdf")
+
+def terminated(*args: object) -> None:
+    signal.raise_signal(signal.SIGTERM)
+
+
+@pytest.mark.parametrize(("end", "code"), [(interrupted, 130), (terminated, 143)])
+def test_an_interrupt_or_termination_leaves_nothing_behind(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, end: Callable[..., None], code: int
+):
+    monkeypatch.setattr("gdg.hands.create.propose", end)
+    source, handler = write(tmp_path, jaws(), "gripper.urdf"), signal.getsignal(signal.SIGTERM)
     before = contents(tmp_path)
     outcome = run("hands", "new", source)
-    assert outcome.code == 130
+    assert outcome.code == code
+    assert signal.getsignal(signal.SIGTERM) == handler
     assert "Traceback" not in outcome.err
     assert contents(tmp_path) == before

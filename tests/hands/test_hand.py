@@ -86,6 +86,26 @@ def test_all_wrong_references_are_reported_at_once(tmp_path: Path):
     assert len(mistake(write(tmp_path, manifest=text)).splitlines()) == 2
 
 
+def test_a_misspelt_joint_is_one_mistake_though_postures_name_the_right_one(tmp_path: Path):
+    text = MANIFEST_TEXT.replace("joints: [close]", "joints: [clos]")
+    assert len(mistake(write(tmp_path, manifest=text)).splitlines()) == 1
+
+
+def test_a_posture_of_another_joint_is_told_beside_a_misspelt_one(tmp_path: Path):
+    wrist = (
+        '<link name="arm"/><joint name="wrist" type="revolute"><parent link="arm"/>'
+        '<child link="base"/><axis xyz="0 0 1"/>'
+        '<limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>'
+    )
+    text = MANIFEST_TEXT.replace("joints: [close]", "joints: [clos]")
+    text = text.replace("open: {close: 0.0}", "open: {close: 0.0, wrist: 0.0}")
+    text = text.replace("root_link: base", "root_link: arm")
+    urdf = URDF_TEXT.replace("</robot>", wrist)
+    first, second = mistake(write(tmp_path, urdf=urdf, manifest=text)).splitlines()
+    assert "joints[0]: joint 'clos' is not in" in first
+    assert "open.wrist: joint 'wrist' is not among the actuated joints" in second
+
+
 def test_a_missing_folder_is_named(tmp_path: Path):
     assert "cannot be read" in mistake(tmp_path / "lost")
 

@@ -56,9 +56,9 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> Calls:
     """Counts plans, and lets every even grasp pass in place of simulating it."""
     seen, original = Calls(), Pair.plan
 
-    def plan(self, count, generator, progress=None):
+    def plan(self, count, generator, progress=None, **more):
         seen.planned.append((self.obj.name, count))
-        return original(self, count, generator, progress)
+        return original(self, count, generator, progress, **more)
 
     def simulate(self, hand, obj, grasps, protocol, progress=None):
         seen.simulated.append((obj.name, len(grasps)))

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import errno
+import json
+import os
 import shutil
+import time
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import pytest
+import torch
 from gdg_plugins.simulator_sapien.simulator import SapienSimulator
 from gripper import write_gripper
 
@@ -14,16 +20,46 @@ from gdg.data.dataset import read_shard, shards
 from gdg.errors import GdgError
 from gdg.pipeline.fingerprint import fingerprint
 from gdg.pipeline.jobs import SYNTH_DEFAULTS, SynthJob
+from gdg.pipeline.schedule import PairState
+from gdg.pipeline.shard import make_shard, pair_key
 from gdg.pipeline.synth import run_synth
 from gdg.protocols import FOLDER as PRESETS
+from gdg.yaml_files import parse_yaml
 
-WORDS = ("object=cube_small", "n=3", "shard=4", "max_shards=3")
+WORDS = ("object=cube_small", "n=3", "shard=4", "max_shards=3", "workers=1")
+
+
+@pytest.fixture(autouse=True)
+def overlap(monkeypatch: pytest.MonkeyPatch) -> Overlaps:
+    """Grasps overlap as the test says; nothing is measured."""
+    given = Overlaps()
+    monkeypatch.setattr("gdg.quality.exact_overlap", given.of, raising=False)
+    monkeypatch.setattr("gdg.quality.measure", lambda hand, obj, grasps: grasps, raising=False)
+    return given
+
+
+@dataclass
+class Overlaps:
+    """Overlaps in millimetres that grasps get in turn."""
+
+    object_mm: list[float] = field(default_factory=lambda: [0.0])
+    self_mm: list[float] = field(default_factory=lambda: [0.0])
+
+    def of(self, hand, obj, grasps) -> Overlaps:
+        def column(values: list[float]) -> torch.Tensor:
+            return torch.tensor((values * len(grasps))[: len(grasps)])
+
+        return Overlaps(column(self.object_mm), column(self.self_mm))  # type: ignore[arg-type]
+
+
+def made(result) -> tuple[int, int, int, str]:
+    return result.passed, result.made.tested, result.made.candidates, result.reason
 
 
 def test_shards_hold_what_passed_until_there_are_enough(configs, calls, tmp_path: Path):
     (result,), folder = run_synth(configs(SynthJob, *WORDS, f"out={tmp_path}"))
     # two of four candidates pass
-    assert (result.passed, result.tested, result.candidates, result.reason) == (4, 8, 8, "")
+    assert made(result) == (4, 8, 8, "")
     assert folder == tmp_path
     found = shards(tmp_path)
     assert len(found) == 2
@@ -48,14 +84,14 @@ def test_failed_grasps_are_kept_on_request(configs, calls, tmp_path: Path):
 
 def test_nothing_is_made_twice(configs, calls, tmp_path: Path):
     run_synth(configs(SynthJob, *WORDS, f"out={tmp_path}"))
-    made = len(calls.planned)
+    before = len(calls.planned)
     (again,), _ = run_synth(configs(SynthJob, *WORDS, f"out={tmp_path}"))
-    assert len(calls.planned) == made
-    assert (again.passed, again.tested, again.candidates) == (4, 0, 0)
+    assert len(calls.planned) == before
+    assert made(again) == (4, 0, 0, "")
     # more grasps: only what is missing is made
     (more,), _ = run_synth(configs(SynthJob, *WORDS, "n=5", f"out={tmp_path}"))
-    assert len(calls.planned) == made + 1
-    assert (more.passed, more.tested) == (6, 4)
+    assert len(calls.planned) == before + 1
+    assert made(more) == (6, 4, 4, "")
 
 
 @pytest.mark.parametrize(
@@ -115,21 +151,27 @@ def test_a_killed_shard_leaves_no_half_file_and_is_made_again(
         with pytest.raises(KeyboardInterrupt):
             run_synth(configs(SynthJob, *WORDS, f"out={tmp_path}"))
     assert [info.count for info in shards(tmp_path)] == [2]
-    assert len([path for path in tmp_path.rglob("*") if path.is_file()]) == 1
+    assert len([path for path in tmp_path.rglob("*.parquet") if path.is_file()]) == 1
     (result,), _ = run_synth(configs(SynthJob, *WORDS, f"out={tmp_path}"))
-    assert (result.passed, result.tested) == (4, 4)
+    assert made(result) == (4, 4, 4, "")
 
 
 def test_a_pair_without_grasps_is_given_up_with_a_reason(configs, calls, tmp_path: Path):
     words = (*WORDS, "planner.max_distance_m=1e-9", f"out={tmp_path}")
     (result,), _ = run_synth(configs(SynthJob, *words))
-    assert (result.passed, result.tested, result.candidates) == (0, 0, 12)
-    assert "0 of 3 grasps after 3 shards" in result.reason
+    assert made(result)[:3] == (0, 0, 12)
+    assert result.reason == (
+        "no grasp passed after 3 shards, 12 candidates; mostly 'contact off the surface'"
+    )
     # empty shards are remembered
     planned = len(calls.planned)
     run_synth(configs(SynthJob, *words))
     assert len(calls.planned) == planned
     assert all(info.count == 0 for info in shards(tmp_path))
+    assert "contact off the surface" in shards(tmp_path)[0].reason
+    # on request it is tried again, that many times more
+    run_synth(configs(SynthJob, *words, "max_shards=9", "retry=true"))
+    assert len(calls.planned) == 2 * planned
 
 
 def test_a_mistake_in_one_pair_leaves_the_others(configs, calls, tmp_path: Path):
@@ -169,3 +211,185 @@ def test_an_interrupt_keeps_the_shards_before(
     with pytest.raises(KeyboardInterrupt):
         run_synth(configs(SynthJob, *WORDS, f"out={tmp_path}"))
     assert len(shards(tmp_path)) == 1
+
+
+# -- stages ------------------------------------------------------------------------------------
+
+
+def test_overlapping_grasps_are_not_simulated(configs, calls, overlap, tmp_path: Path):
+    overlap.object_mm, overlap.self_mm = [0.9, 1.1, float("nan"), 0.0], [0.0, 5.0, 0.0, 1.1]
+    words = (*WORDS, "n=1", f"out={tmp_path}")
+    (result,), _ = run_synth(configs(SynthJob, *words))
+    assert calls.simulated == [("cube_small", 1)]
+    assert made(result) == (1, 1, 4, "")
+    (info,) = shards(tmp_path)
+    told = info.provenance
+    assert told["rejected"] == {"penetration": 2, "self-penetration": 1}
+    assert (told["candidates"], told["planned"], told["tested"], told["passed"]) == (4, 4, 1, 1)
+    assert set(told["seconds"]) == {"plan", "filter", "simulate", "measure"}
+    assert told["yield_rate"] == 0.25
+    # other limits, other shards
+    run_synth(configs(SynthJob, *words, "max_penetration_mm=2"))
+    assert len(shards(tmp_path)) == 2
+
+
+def test_grasps_are_measured_before_they_are_stored(
+    configs, calls, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+):
+    def measure(hand, obj, grasps):
+        return replace(grasps, metrics={"epsilon": torch.full((len(grasps),), 0.25)})
+
+    monkeypatch.setattr("gdg.quality.measure", measure, raising=False)
+    run_synth(configs(SynthJob, *WORDS, "n=1", f"out={tmp_path}"))
+    assert read_shard(shards(tmp_path)[0].path).metrics["epsilon"].tolist() == [0.25, 0.25]
+
+
+# -- the end of a pair -------------------------------------------------------------------------
+
+
+def test_a_pair_with_few_grasps_is_given_up_sooner_on_request(configs, calls, tmp_path: Path):
+    words = ("give_up_after=1", "give_up_below=3", f"out={tmp_path}")
+    (result,), _ = run_synth(configs(SynthJob, *WORDS, *words))
+    assert result.reason == (
+        "2 of 3 grasps after 1 shard, 4 candidates; mostly 'drifted in simulation'"
+    )
+    (again,), _ = run_synth(configs(SynthJob, *WORDS, *words, "retry=true"))
+    assert made(again) == (4, 4, 4, "")
+
+
+def test_a_shard_that_takes_too_long_ends_its_pair_and_is_remembered(
+    configs, calls, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+):
+    words = (*WORDS, "object=cube_small,cube_medium", f"out={tmp_path}")
+    answers = SapienSimulator.simulate
+
+    def hang(self, hand, obj, grasps, protocol, progress=None):
+        if obj.name == "cube_small":
+            time.sleep(300)
+        return answers(self, hand, obj, grasps, protocol, progress)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(SapienSimulator, "simulate", hang)
+        first, second = run_synth(configs(SynthJob, *words, "shard_timeout_s=2"))[0]
+    assert first.reason == (
+        "shard 0 took longer than 2 s (shard_timeout_s); retry=true tries it again"
+    )
+    assert made(second) == (4, 8, 8, "")
+    planned = len(calls.planned)
+    first, _ = run_synth(configs(SynthJob, *words, "shard_timeout_s=2"))[0]
+    assert "took longer than 2 s" in first.reason
+    assert len(calls.planned) == planned
+    for word in ("retry=true", "shard_timeout_s=60"):
+        first, _ = run_synth(configs(SynthJob, *words, "shard_timeout_s=2", word))[0]
+        assert first.reason == ""
+
+
+def test_a_bug_in_one_pair_is_raised_once_the_others_are_done(
+    configs, calls, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+):
+    answers = SapienSimulator.simulate
+
+    def broken(self, hand, obj, grasps, protocol, progress=None):
+        if obj.name == "cube_small":
+            raise ZeroDivisionError("a bug")
+        return answers(self, hand, obj, grasps, protocol, progress)
+
+    monkeypatch.setattr(SapienSimulator, "simulate", broken)
+    with pytest.raises(ZeroDivisionError, match="a bug"):
+        run_synth(configs(SynthJob, *WORDS, "object=cube_small,cube_medium", f"out={tmp_path}"))
+    assert {info.object_name for info in shards(tmp_path)} == {"cube_medium"}
+
+
+# -- the folder --------------------------------------------------------------------------------
+
+
+def test_the_folder_tells_what_was_made_and_how(configs, calls, tmp_path: Path):
+    words = ("object=cube_small,cube_medium", "seed=0,1", f"out={tmp_path}")
+    run_synth(configs(SynthJob, *WORDS, *words))
+    record = json.loads((tmp_path / "synth.json").read_text())
+    assert record["schema"] == "gdg-synth-1"
+    assert [(p["object"], p["passed"], p["tested"], p["ended"]) for p in record["pairs"]] == [
+        ("cube_medium", 4, 8, True), ("cube_medium", 4, 8, True),
+        ("cube_small", 4, 8, True), ("cube_small", 4, 8, True),
+    ]  # fmt: skip
+    for number, name in enumerate(["config.yaml", "config-2.yaml"]):
+        tree = parse_yaml((tmp_path / name).read_text(), name)
+        assert tree["object"] == ["cube_small", "cube_medium"]
+        assert tree["seed"] == number
+    # pairs of other runs stay in the record
+    run_synth(configs(SynthJob, *WORDS, "object=apple", f"out={tmp_path}"))
+    assert len(json.loads((tmp_path / "synth.json").read_text())["pairs"]) == 5
+
+
+def test_a_damaged_shard_is_made_again(configs, calls, tmp_path: Path):
+    run_synth(configs(SynthJob, *WORDS, f"out={tmp_path}"))
+    before = {info.path: info.content for info in shards(tmp_path)}
+    damaged = next(iter(before))
+    damaged.write_bytes(damaged.read_bytes()[:100])
+    (result,), _ = run_synth(configs(SynthJob, *WORDS, f"out={tmp_path}"))
+    assert result.notes == (f"{damaged}: is no readable shard; made again",)
+    assert made(result) == (4, 4, 4, "")
+    assert {info.path: info.content for info in shards(tmp_path)} == before
+
+
+@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EDQUOT])
+def test_a_full_disk_is_told_and_leaves_no_half_file(
+    configs, calls, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, code: int
+):
+    written = []
+
+    def full(descriptor: int) -> None:
+        written.append(descriptor)
+        if len(written) == 2:
+            raise OSError(code, os.strerror(code))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "fsync", full)
+        with pytest.raises(GdgError, match=r"the disk is full.*make room and run the same") as told:
+            run_synth(configs(SynthJob, *WORDS, f"out={tmp_path}"))
+    assert "\n" not in str(told.value)
+    assert [info.count for info in shards(tmp_path)] == [2]
+    assert len(list(tmp_path.rglob("*.parquet"))) == 1
+    assert [p.name for p in tmp_path.rglob(".*")] == []
+    assert json.loads((tmp_path / "synth.json").read_text())["pairs"][0]["passed"] == 2
+    (result,), _ = run_synth(configs(SynthJob, *WORDS, f"out={tmp_path}"))
+    assert made(result) == (4, 4, 4, "")
+
+
+def test_a_shard_ahead_of_its_turn_waits_unseen_and_is_used_later(configs, calls, tmp_path: Path):
+    (config,) = configs(SynthJob, *WORDS, "n=3", f"out={tmp_path}")
+    pair = PairState.open(config)
+    first, second, third = pair.start(), pair.start(), pair.start()
+    assert [task.number for task in (first, second, third)] == [0, 1, 2]
+    for task in (third, second):
+        shard = make_shard(task)
+        pair.finish(task.number, shard.data, shard.counts)
+        assert shards(tmp_path) == []
+    shard = make_shard(first)
+    pair.finish(0, shard.data, shard.counts)
+    # two shards have the grasps; the third was finished for nothing, until more are wanted
+    assert (pair.ended, pair.passed) == (True, 4)
+    assert [info.key for info in shards(tmp_path)] == sorted([first.key, second.key])
+    calls.planned.clear()
+    (result,), _ = run_synth(configs(SynthJob, *WORDS, "n=6", f"out={tmp_path}"))
+    assert result.passed == 6
+    assert calls.planned == []
+    assert third.key in [info.key for info in shards(tmp_path)]
+    assert list(tmp_path.rglob(".*")) == []
+
+
+def test_files_are_hashed_once_however_many_pairs_share_them(
+    configs, calls, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+):
+    read, original = [], Path.read_bytes
+
+    def counted(path: Path) -> bytes:
+        read.append(path)
+        return original(path)
+
+    monkeypatch.setattr(Path, "read_bytes", counted)
+    (config,) = configs(SynthJob, *WORDS, f"out={tmp_path}")
+    key = pair_key(config)
+    seen = len(read)
+    assert pair_key(config) == key
+    assert len(read) == seen

@@ -10,10 +10,12 @@ import pytest
 import torch
 import trimesh
 from conftest import build_model
+from gdg_plugins.planner_dfc.annealed import AnnealedMala
+from gdg_plugins.planner_dfc.chains import MAX_PLACE, Chains, ChainSteps, mean_square
 from gdg_plugins.planner_dfc.energy import Contacts, GraspEnergy
-from gdg_plugins.planner_dfc.mala import MAX_PLACE, Mala
 from gdg_plugins.planner_dfc.options import DfcOptions
 from gdg_plugins.planner_dfc.planner import DfcPlanner
+from gdg_plugins.planner_dfc.published import PublishedMala
 from gripper import OPEN_M, write_gripper
 from torch import Tensor
 
@@ -70,7 +72,7 @@ def test_a_perfect_grasp_has_no_energy(energy: GraspEnergy):
 def test_distance_is_the_gap_of_every_contact(energy: GraspEnergy, gap_m: float):
     terms = energy.terms(pose(TOUCHING_M - gap_m), MIDDLE)
     assert terms.distance.item() == pytest.approx(0.008, abs=4e-4)
-    torch.testing.assert_close(terms.contact_distances.sum(-1), terms.distance)
+    torch.testing.assert_close(terms.touch.distances.sum(-1), terms.distance)
     assert (terms.depth.item() > 0.003) == (gap_m < 0)
 
 
@@ -93,7 +95,7 @@ def test_offset_contacts_are_a_torque_per_radius(energy: GraspEnergy):
     # v runs from z = 10 to 60 mm on the left jaw, and back on the right one
     place[0, :, 1] = logit
     terms = energy.terms(pose(TOUCHING_M), Contacts(torch.tensor([[0, 1]]), place))
-    z = terms.contact_points[0, :, 2]
+    z = terms.touch.points[0, :, 2]
     torch.testing.assert_close(z, torch.tensor([0.01, -0.01]), rtol=0, atol=1e-4)
     assert terms.force_closure.item() == pytest.approx(0.01 / energy.obj.radius, rel=0.05)
 
@@ -142,70 +144,129 @@ def test_contact_points_lie_in_their_regions(
 # -- sampling ----------------------------------------------------------------------------------
 
 
-def chains_of(energy: GraspEnergy, **options: object):
-    mala = Mala(energy, DfcOptions(**{"contacts": 2, **options}), seeded())
+def chains_of(energy: GraspEnergy, **options: object) -> tuple[AnnealedMala, Chains]:
+    made = DfcOptions(**{"contacts": 2, **options})
+    mala = AnnealedMala(GraspEnergy(energy.hand, energy.obj, made), made, seeded())
     start = above_surface(energy.hand, energy.obj, 16, seeded())
-    return mala, mala._evaluate(start, mala._random_contacts(16))
+    return mala, mala.evaluate(start, mala.random_contacts(16, made.contacts))
 
 
-def propose(mala: Mala, chains):
-    scale = chains.q_gradient.square().mean(0, keepdim=True).sqrt()
-    return mala._propose(chains, scale, chains.place_gradient.square().mean().sqrt(), 0)
+def propose(mala: AnnealedMala, chains: Chains, step: int = 0) -> Chains:
+    scale = mean_square(chains.q_gradient).sqrt()
+    return mala._propose(chains, scale, mean_square(chains.place_gradient).mean().sqrt(), step, 1.0)
+
+
+def warmer(chains: Chains, difference: Tensor | float) -> Chains:
+    """The same chains with more (distance) energy."""
+    weight = DfcOptions().distance_weight
+    terms = replace(chains.terms, distance=chains.terms.distance + difference / weight)
+    return replace(chains, terms=terms)
+
+
+def total(mala: ChainSteps, chains: Chains) -> Tensor:
+    return mala.energy.total(chains.terms)
 
 
 def test_a_cold_chain_takes_only_what_is_better(energy: GraspEnergy):
     mala, chains = chains_of(energy)
     proposal = propose(mala, chains)
-    better = proposal.energy < chains.energy
+    before, after = total(mala, chains), total(mala, proposal)
+    better = after < before
     assert 0 < better.sum() < 16
-    chosen = mala._choose(chains, proposal, temperature=1e-9)
-    torch.testing.assert_close(chosen.energy, torch.minimum(chains.energy, proposal.energy))
+    chosen, accepted = mala.metropolis(chains, proposal, temperature=1e-9)
+    assert torch.equal(accepted, better)
+    torch.testing.assert_close(total(mala, chosen), torch.minimum(before, after))
     for name in ("q", "q_gradient", "place_gradient"):
         new, old = getattr(proposal, name), getattr(chains, name)
         assert torch.equal(getattr(chosen, name)[better], new[better])
         assert torch.equal(getattr(chosen, name)[~better], old[~better])
     assert torch.equal(chosen.contacts.region[better], proposal.contacts.region[better])
     assert torch.equal(chosen.contacts.place[~better], chains.contacts.place[~better])
+    assert torch.equal(chosen.terms.touch.points[better], proposal.terms.touch.points[better])
     assert (mala.accepted, mala.proposed) == (int(better.sum()), 16)
 
 
 def test_a_hot_chain_takes_everything_finite(energy: GraspEnergy):
     mala, chains = chains_of(energy)
     proposal = propose(mala, chains)
-    proposal.energy[3] = math.nan
-    proposal.energy[4] = math.inf
+    proposal.terms.distance[3] = math.nan
+    proposal.terms.distance[4] = math.inf
     proposal.q_gradient[5, 2] = math.nan
-    chosen = mala._choose(chains, proposal, temperature=1e9)
+    chosen, accepted = mala.metropolis(chains, proposal, temperature=1e9)
     kept = torch.tensor([i in (3, 4, 5) for i in range(16)])
-    assert torch.equal(chosen.energy[kept], chains.energy[kept])
-    assert torch.equal(chosen.energy[~kept], proposal.energy[~kept])
-    assert (mala.accepted, mala.proposed) == (13, 16)
+    assert torch.equal(accepted, ~kept)
+    assert torch.equal(chosen.q[kept], chains.q[kept])
+    assert torch.equal(chosen.q[~kept], proposal.q[~kept])
 
 
 def test_a_worse_state_is_taken_as_often_as_metropolis_says(energy: GraspEnergy):
     mala, chains = chains_of(energy)
-    worse = replace(chains, energy=chains.energy + 1.0)
+    worse = warmer(chains, 1.0)
     for _ in range(200):
-        mala._choose(chains, worse, temperature=2.0)
+        mala.metropolis(chains, worse, temperature=2.0)
     assert mala.accepted / mala.proposed == pytest.approx(math.exp(-0.5), abs=0.03)
+
+
+@pytest.mark.parametrize("sampler", [AnnealedMala, PublishedMala])
+def test_a_particle_that_is_not_finite_spoils_no_other(energy: GraspEnergy, sampler: type):
+    options = DfcOptions(contacts=2, steps=12, batch=16, oversample=1)
+    start = above_surface(energy.hand, energy.obj, 16, seeded())
+    start[5, 0] = math.nan
+    found = sampler(energy, options, seeded()).run(start, lambda step: None)
+    finite = torch.isfinite(found.q).all(-1)
+    assert finite.sum() == 15
+    assert torch.isfinite(energy.total(found.terms)).sum() == 15
 
 
 def test_contacts_switch_one_at_a_time_and_settle_at_the_end(energy: GraspEnergy):
     mala, chains = chains_of(energy, contacts=4, switch_probability=1.0, steps=10)
-    switched = mala._switch(chains.contacts).place != chains.contacts.place
+    switched = mala._switch(chains, chains.contacts, 1.0).place != chains.contacts.place
     assert (switched.any(-1).sum(-1) == 1).all()
-    scale = chains.q_gradient.square().mean(0, keepdim=True).sqrt()
     for step, moves in ((0, True), (7, False)):
-        proposal = mala._propose(chains, scale, torch.ones(1), step)
+        proposal = propose(mala, chains, step)
         assert (proposal.contacts.region != chains.contacts.region).any().item() == moves
 
 
-def test_steps_lower_the_energy(energy: GraspEnergy):
-    options = DfcOptions(contacts=2, steps=20)
+def test_the_cost_of_a_switch_is_the_energy_that_it_changes(energy: GraspEnergy):
+    mala, chains = chains_of(energy, contacts=4)
+    slot = torch.arange(16) % 4
+    tries = mala.random_contacts(16, 3)
+    found = mala._cost_of_switching(chains, slot, tries)
+    before = found - total(mala, chains)[:, None]
+    for k in range(3):
+        contacts = Contacts(chains.contacts.region.clone(), chains.contacts.place.clone())
+        contacts.region[torch.arange(16), slot] = tries.region[:, k]
+        contacts.place[torch.arange(16), slot] = tries.place[:, k]
+        after = total(mala, mala.evaluate(chains.q, contacts))
+        difference = before[:, k] - (after - total(mala, chains))
+        # up to what the other contacts cost, which is the same for every try
+        if k == 0:
+            constant = difference
+        torch.testing.assert_close(difference, constant, rtol=1e-4, atol=1e-3)
+
+
+def test_the_worst_chains_are_dropped_early(energy: GraspEnergy):
+    options = DfcOptions(contacts=2, steps=10, batch=8, oversample=4, cull_at=0.5)
+    mala = AnnealedMala(energy, options, seeded())
+    assert mala.starts == 32
+    left = mala.run(above_surface(energy.hand, energy.obj, 32, seeded()), lambda step: None)
+    assert len(left) == 8
+    assert mala.proposed == 5 * 32 + 5 * 8
+
+
+def test_penetration_weighs_more_as_the_chains_settle(energy: GraspEnergy):
+    mala, _ = chains_of(energy, steps=100, settle_share=0.3, hardening=8)
+    assert [mala._hardness(step) for step in (0, 70, 85)] == pytest.approx([1, 1, 4.5])
+
+
+@pytest.mark.parametrize(
+    ("sampler", "steps"), [(AnnealedMala, 20), (PublishedMala, 300)], ids=["annealed", "published"]
+)
+def test_steps_lower_the_energy(energy: GraspEnergy, sampler: type, steps: int):
+    options = DfcOptions(contacts=2, steps=steps, batch=16, oversample=1, hardening=1.0)
     _, chains = chains_of(energy)
-    q, contacts = Mala(energy, options, seeded()).run(chains.q, lambda step: None)
-    after = energy.total(energy.terms(q, contacts))
-    assert after.median() < 0.8 * chains.energy.median()
+    after = sampler(energy, options, seeded()).run(chains.q, lambda step: None)
+    assert energy.total(after.terms).median() < 0.8 * energy.total(chains.terms).median()
 
 
 # -- planning ----------------------------------------------------------------------------------

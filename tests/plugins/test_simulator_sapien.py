@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,8 +12,8 @@ import pytest
 import torch
 from gdg_plugins.simulator_sapien.options import SapienOptions
 from gdg_plugins.simulator_sapien.scene import GraspScene
-from gdg_plugins.simulator_sapien.simulator import SapienSimulator
-from gdg_plugins.simulator_sapien.trial import Start, run_trial
+from gdg_plugins.simulator_sapien.simulator import SapienSimulator, _decided, _verdict
+from gdg_plugins.simulator_sapien.trial import Push, Start, Trial, _is_over, run_trial
 from gripper import OPEN_M
 from real_hands import HANDS as REAL_HANDS
 
@@ -21,9 +23,10 @@ from gdg.errors import GdgError
 from gdg.hands.hand import Hand, load_hand
 from gdg.kinds.hand_model import HandModel
 from gdg.objects.model import ObjectModel, find_object, load_object
-from gdg.protocols import Protocol, load_protocol
+from gdg.protocols import Protocol, Shifts, load_protocol
 from gdg.registry import get_registry
 from gdg.rotations import random_rotations
+from gdg.testing import check_component
 
 BUNDLED = Path(__file__).resolve().parents[2] / "hands"
 PRESETS = ("dro-2024", "gendexgrasp-2022")
@@ -297,11 +300,164 @@ def test_reused_scene_repeats_a_fresh_one_exactly(
     protocol = protocol_of("dro-2024", friction=0.2, pushes={"order": order, "acceleration": 8.0})
     start, other = start_of(grasp_of(cube, shift=0.012)), start_of(grasp_of(cube, gap=-0.004))
     used = GraspScene(gripper_model.hand, cube, protocol, SapienOptions())
-    run_trial(used, protocol, other, complete=True)
-    again = run_trial(used, protocol, start, complete=True)
+    run_trial(used, protocol, other)
+    again = run_trial(used, protocol, start)
     fresh = GraspScene(gripper_model.hand, cube, protocol, SapienOptions())
-    assert again == run_trial(fresh, protocol, start, complete=True)
-    assert again != run_trial(fresh, protocol, other, complete=True)
+    assert again == run_trial(fresh, protocol, start)
+    assert again != run_trial(fresh, protocol, other)
+
+
+# -- early decisions ---------------------------------------------------------------------------
+
+
+def mixed_grasps(obj: ObjectModel) -> GraspSet:
+    """Sixteen grasps, some firm, some weak, by a corner, turned, overlapping, or not there."""
+    generator = np.random.default_rng(0)
+    sets = [grasp_of(obj, shift=1.0), grasp_of(obj, gap=0.01, squeeze=0.0)]
+    sets[1].poses[0, 2, 3] = -0.005  # the palm throws the object out
+    for _ in range(14):
+        gap, squeeze = generator.uniform(-0.003, 0.001), generator.uniform(0.0003, 0.002)
+        grasp = grasp_of(obj, gap, squeeze, shift=generator.uniform(0.0, 0.026))
+        turn = np.eye(4)
+        angle = generator.uniform(-0.3, 0.3)
+        turn[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+        sets.append(replace(grasp, poses=torch.tensor(turn, dtype=torch.float32) @ grasp.poses))
+    targets = [grasp.targets for grasp in sets if grasp.targets is not None]
+    return replace(
+        sets[0],
+        poses=torch.cat([grasp.poses for grasp in sets]),
+        joints=torch.cat([grasp.joints for grasp in sets]),
+        targets=torch.cat(targets),
+    )
+
+
+def assert_same_judgement(decisive: Verdict, full: Verdict) -> None:
+    assert (decisive.success, decisive.failure) == (full.success, full.failure)
+    ran = len(decisive.shift_successes)
+    assert decisive.shift_successes == full.shift_successes[:ran]
+    assert decisive.trials == full.trials == len(full.shift_successes)
+    measured = [value for value in decisive.displacement_m if not np.isnan(value)]
+    assert measured == list(full.displacement_m[: len(measured)])
+    assert len(measured) == 6 or not decisive.success
+
+
+#: Sections of the success criterion under which what ends a trial early differs.
+CRITERIA = {
+    "in-total": {"measured": "total"},
+    "per-push": {"measured": "per-push"},
+    "per-push-without-contact": {"measured": "per-push", "contact": False},
+    "rotation": {"measured": "per-push", "max_rotation_rad": 0.1},
+}
+
+
+@pytest.mark.parametrize(
+    ("criterion", "order"),
+    [*((name, "sequential") for name in CRITERIA), ("per-push", "reset")],
+)
+@pytest.mark.parametrize("preset", PRESETS)
+def test_decisive_trials_judge_as_all_trials_do(
+    preset: str, criterion: str, order: str, gripper_model: HandModel, cube: ObjectModel
+):
+    acceleration = {"dro-2024": 3.0, "gendexgrasp-2022": 0.9}[preset]
+    protocol = protocol_of(
+        preset, friction=0.2, success=CRITERIA[criterion],
+        pushes={"order": order, "acceleration": acceleration},
+    )  # fmt: skip
+    # shifts so wide that trials of one grasp differ
+    protocol = protocol.model_copy(update={"shifts": Shifts(count=4, distance_m=0.004)})
+    grasps = mixed_grasps(cube)
+    full, decisive = (
+        SapienSimulator(SapienOptions(trials=trials)).simulate(
+            gripper_model, cube, grasps, protocol
+        )
+        for trials in ("all", "decisive")
+    )
+    for early, late in zip(decisive, full, strict=True):
+        assert_same_judgement(early, late)
+    assert {verdict.success for verdict in full} == {True, False}
+    assert any(len(set(verdict.shift_successes)) == 2 for verdict in full)
+    assert all(verdict.stable is not None for verdict in full)
+
+
+def test_decisive_stops_at_three_of_five_and_leaves_stability_open(
+    gripper_model: HandModel, cube: ObjectModel
+):
+    protocol = protocol_of("dro-2024", shifts=4)
+    verdict = verdict_of(gripper_model, cube, grasp_of(cube), protocol, trials="decisive")
+    assert verdict.shift_successes == (True,) * 3
+    assert (verdict.success, verdict.trials, verdict.stable) == (True, 5, None)
+    absent = verdict_of(gripper_model, cube, grasp_of(cube, shift=1.0), protocol, trials="decisive")
+    assert absent.shift_successes == (False,) * 3
+    assert (absent.success, absent.failure, absent.stable) == (False, "lost-contact", None)
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 3])
+def test_a_majority_is_more_than_half_of_the_trials_asked_for(count: int):
+    total = 1 + count
+    for outcomes in itertools.product([True, False], repeat=total):
+        trials = [trial_that(passed) for passed in outcomes]
+        ran = next(n for n in range(1, total + 1) if _decided(trials[:n], total))
+        protocol = protocol_of("dro-2024", shifts=count)
+        early, late = (
+            _verdict(some, protocol, 0.0, 0.1, True, 0.0) for some in (trials[:ran], trials)
+        )
+        assert early.success == late.success == (2 * sum(outcomes) > total)
+        assert early.failure == late.failure
+
+
+def trial_that(passed: bool) -> Trial:
+    nothing = (0.0,) * 6
+    return Trial("" if passed else "moved", nothing, nothing, 0.0, (True,) * 6, 0.0, False)
+
+
+def test_decisive_trials_pass_the_conformance_kit():
+    assert check_component("simulator", "sapien", trials="decisive") == []
+
+
+def resident_bytes() -> int:
+    pages = Path("/proc/self/statm").read_text().split()[1]
+    return int(pages) * os.sysconf("SC_PAGE_SIZE")
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="reads memory from /proc")
+def test_a_scene_keeps_no_memory_from_trial_to_trial(gripper_model: HandModel, cube: ObjectModel):
+    protocol = protocol_of("dro-2024", pushes={"steps": 1}, start={"settle_steps": 1})
+    scene = GraspScene(gripper_model.hand, cube, protocol, SapienOptions())
+    start = start_of(grasp_of(cube))
+    sizes = []
+    for _ in range(3):
+        for _ in range(300):
+            run_trial(scene, protocol, start)
+        sizes.append(resident_bytes())
+    assert sizes[-1] - sizes[0] < 2**20
+
+
+#: Far beyond any preset's limit in displacement, metres.
+FAR_M = 0.5
+
+
+def test_a_trial_is_over_only_where_its_failure_is_certain():
+    per_push = protocol_of("dro-2024", success={"measured": "per-push"})
+    still, moved, lost = Push(0.0, 0.0, True), Push(FAR_M, 0.0, True), Push(FAR_M, 0.0, False)
+    assert not _is_over(per_push, [still, moved, lost], "end")
+    assert not _is_over(per_push, [still], "failed")
+    # a later push may still lose contact, which is what a trial fails by in the first place
+    assert not _is_over(per_push, [moved], "named")
+    assert _is_over(per_push, [moved], "failed")
+    assert _is_over(per_push, [moved, lost], "named")
+
+
+def test_without_a_contact_criterion_the_first_displacement_ends_a_trial():
+    success = {"measured": "per-push", "contact": False}
+    assert _is_over(protocol_of("dro-2024", success=success), [Push(FAR_M, 0.0, False)], "named")
+
+
+def test_displacement_in_total_is_judged_after_the_last_push_alone():
+    total = protocol_of("dro-2024")
+    moved = Push(FAR_M, 0.0, True)
+    assert not _is_over(total, [moved] * 5, "failed")
+    assert _is_over(total, [moved] * 6, "failed")
+    assert _is_over(total, [Push(0.0, 0.0, False)], "named")
 
 
 # -- the hand's tree ---------------------------------------------------------------------------

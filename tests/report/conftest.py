@@ -6,6 +6,7 @@ import math
 
 import pytest
 import torch
+from grasp_samples import make_verdict
 
 from gdg.data.grasps import GraspSet
 from gdg.data.verdict import Verdict
@@ -65,22 +66,15 @@ def obj() -> ObjectModel:
     return find_object("cup")
 
 
-def make_verdict(success: bool, moved_m: float = 0.0012) -> Verdict:
-    return Verdict(
-        success=success,
-        failure="" if success else "drifted",
+def verdict(success: bool, moved_m: float = 0.0012) -> Verdict:
+    return make_verdict(
+        success,
         displacement_m=(0.0001, 0.0002, moved_m, 0.0003, 0.0, 0.0001),
-        rotation_rad=(0.01,) * 6,
         drift_m=0.0004,
-        contact_kept=(True,) * 6,
         penetration_start_mm=0.8,
         penetration_end_mm=0.1,
         free_displacement_m=0.127,
         shift_successes=(success, success, True),
-        protocol="dro-2024-v1",
-        engine="some engine 1.0",
-        refined=True,
-        seconds=0.1,
     )
 
 
@@ -99,6 +93,6 @@ def grasps(hand: HandModel, obj: ObjectModel) -> GraspSet:
         energies={"total": torch.tensor([1.5, 2.5, math.nan])},
         status=("converged",) * 3,
         contact_values=((height - height.min()) / (height.max() - height.min())).repeat(3, 1),
-        verdicts=(make_verdict(True), make_verdict(False), make_verdict(True, 0.003)),
+        verdicts=(verdict(True), verdict(False), verdict(True, 0.003)),
         provenance={"seed": 3},
     )

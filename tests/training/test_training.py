@@ -24,6 +24,7 @@ from gdg.hands.hand import find_hand
 from gdg.objects.model import find_object
 from gdg.registry import get_registry
 from gdg.rotations import random_rotations
+from gdg.splits import load_split
 from gdg.training.fit import fit, read_checkpoint
 from gdg.training.job import TrainJob
 from gdg.training.maps import EpochShuffle, MapDataset, MapGroup
@@ -116,6 +117,7 @@ def test_run_writes_weights_card_and_logs_and_refuses_to_overwrite(
     assert len(known["validation_objects"]) == 1
     assert (known["train_maps"], known["validation_maps"]) == (24, 12)
     assert 0 < known["val_recon"] < 1
+    assert (known["split"], known["split_sha256"]) == ("none", "")
     card = (out / "model_card.md").read_text()
     assert known["validation_objects"][0] in card
     assert f"{known['val_recon']:.4f}" in card
@@ -125,6 +127,24 @@ def test_run_writes_weights_card_and_logs_and_refuses_to_overwrite(
         run_training(job, choices())
     with pytest.raises(GdgError, match="begun with other values of learning_rate"):
         run_training(job.model_copy(update={"resume": True, "learning_rate": 0.1}), choices())
+
+
+def test_run_with_a_lock_takes_its_validation_objects_and_records_it(tmp_path: Path) -> None:
+    data, hand = tmp_path / "data", find_hand("barrett")
+    for name in ("lemon", "mustard_bottle"):
+        facts = {"hand_hash": hand.content_hash, "split": "train"}
+        content = find_object(name).content_hash
+        write_shard(data, "k", some_grasps("barrett", name, 8), {**facts, "object_hash": content})
+    tiny = {**TINY, "epochs": 1}
+    job = TrainJob(
+        data=str(data), out=str(tmp_path / "run"), split="paper-without-allegro", batch=4, **tiny
+    )
+    known = load_weights(str(run_training(job, choices()))).provenance
+    assert (known["train_objects"], known["validation_objects"]) == (["lemon"], ["mustard_bottle"])
+    assert known["held_out_hands"] == ["allegro", "allegro_right"]
+    assert known["split"] == "paper-without-allegro-v1"
+    assert known["split_sha256"] == load_split("paper-without-allegro").content_hash
+    assert known["split_sha256"] in (tmp_path / "run" / "model_card.md").read_text()
 
 
 def test_resumed_run_equals_an_uninterrupted_one(tmp_path: Path) -> None:
@@ -201,7 +221,7 @@ def test_test_objects_are_refused_however_they_are_named(tmp_path: Path) -> None
 def test_held_out_hand_is_never_chosen(tmp_path: Path) -> None:
     for hand in ("barrett", "allegro", "mine"):
         for name in ("lemon", "orange"):
-            write(tmp_path, hand, name)
+            write(tmp_path, hand, name, hand_hash=f"of {hand}")
     split = choose_shards(TrainJob(data=str(tmp_path), exclude_hand="allegro", val_fraction=0.5))
     assert {info.hand for info in (*split.train, *split.validation)} == {"barrett", "mine"}
     with pytest.raises(GdgError, match=r"no hand 'alegro'.*Did you mean 'allegro'"):
@@ -236,6 +256,29 @@ def test_changed_hand_or_object_is_refused(tmp_path: Path) -> None:
         source = MapSource(picked["distance"], picked["hand_model"])
         with pytest.raises(GdgError, match=f"another version of {what}"):
             source.group(choose_shards(job).train[0])
+
+
+def test_maps_are_cached_and_made_again_where_the_cache_is_damaged(
+    dataset: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("GDG_CACHE", str(tmp_path))
+    picked = choices()
+    (info, *_) = choose_shards(TrainJob(data=str(dataset), val_fraction=0, keep="last")).train
+    whole = MapSource(picked["distance"], picked["hand_model"]).group(info)
+    assert whole is not None
+    assert isinstance(whole.values, Path)
+    expected = np.load(whole.values)
+    assert (expected.dtype, expected.shape) == (np.float16, (12, 2048))
+    # a chunk at a time, after the file was cut off
+    whole.values.write_bytes(whole.values.read_bytes()[:500])
+    monkeypatch.setattr("gdg.training.source.CHUNK", 5)
+    again = MapSource(picked["distance"], picked["hand_model"]).group(info)
+    assert again is not None
+    assert (again.values, again.count) == (whole.values, 12)
+    np.testing.assert_array_equal(np.load(whole.values), expected)
+    # and not at all where it is sound
+    monkeypatch.setattr("gdg.training.source.contact_maps_of_grasps", None)
+    assert MapSource(picked["distance"], picked["hand_model"]).group(info) is not None
 
 
 def verdict(success: bool) -> Verdict:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
+import signal
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -44,6 +47,7 @@ def new_hand(
     from kinematics and shapes, and writes them with how sure it is into hand.yaml, report.html and
     picture.png. Correct hand.yaml where needed, then run gdg hands check.
     """
+    from gdg.cli.hands.decision_table import print_decisions
     from gdg.hands.create import create_hand, name_from
     from gdg.testing.findings import errors_in
     from gdg.testing.fixtures import model_of
@@ -51,18 +55,19 @@ def new_hand(
 
     chosen = name or name_from(out.resolve() if out else source)
     folder = out or Path(chosen)
-    made = create_hand(
-        source,
-        folder,
-        chosen,
-        lambda hand: model_of(hand, SURFACE_POINTS),
-        root=root,
-        package_paths=packages,
-        say=lambda text: click.echo(f"{text} …", err=True),
-    )
-    findings = inspect(folder).findings
-    _draw(made, folder, findings)
-    _print_decisions(made)
+    with _terminated_like_interrupted():
+        made = create_hand(
+            source,
+            folder,
+            chosen,
+            lambda hand: model_of(hand, SURFACE_POINTS),
+            root=root,
+            package_paths=packages,
+            say=lambda text: click.echo(f"{text} …", err=True),
+        )
+        findings = inspect(folder).findings
+        _draw(made, folder, findings)
+    print_decisions(made.proposal.decisions)
     for repair in made.intake.repairs:
         click.echo(f"changed: {repair}")
     for finding in findings:
@@ -75,6 +80,20 @@ def new_hand(
     click.echo(f"Next: look at the report, then gdg grasp hand={_as_path(folder)} object=apple")
 
 
+@contextlib.contextmanager
+def _terminated_like_interrupted() -> Iterator[None]:
+    """Lets ``kill`` end the command as Ctrl-C does, so that no unfinished folder is left behind."""
+
+    def end(number: int, frame: object) -> None:
+        sys.exit(128 + number)
+
+    before = signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
 def _draw(made: NewHand, folder: Path, findings: list[Finding]) -> None:
     from gdg.report.hand_report import hand_report
     from gdg.report.hand_sheet import hand_sheet
@@ -85,23 +104,6 @@ def _draw(made: NewHand, folder: Path, findings: list[Finding]) -> None:
     hand_report(
         model, folder / "report.html", made.proposal.decisions, made.intake.repairs, findings
     )
-
-
-def _print_decisions(made: NewHand) -> None:
-    from rich.box import SIMPLE
-    from rich.console import Console
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(box=SIMPLE, pad_edge=False, header_style="bold")
-    for title in ("decided", "value", "how sure", "why"):
-        table.add_column(title, overflow="fold")
-    for decision in made.proposal.decisions:
-        sure = f"{decision.verdict} ({decision.confidence:.0%})"
-        # Text, not str: rich would read [brackets] in names as markup
-        cells = (decision.subject, decision.value, sure, decision.reason)
-        table.add_row(*(Text(cell) for cell in cells))
-    Console().print(table)
 
 
 def _print_arm(made: NewHand) -> None:

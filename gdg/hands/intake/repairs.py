@@ -70,11 +70,9 @@ def _say_what_is_cut(description: Description, role: str) -> None:
         )
     ]
     if cut:
-        verb = "mesh is" if len(cut) == 1 else "meshes are"
+        what, them = ("mesh is", "it") if len(cut) == 1 else ("meshes are", "them")
         description.repairs.append(
-            f"{named(cut)}: {verb} not convex; gdg will cut it into convex parts."
-            if len(cut) == 1
-            else f"{named(cut)}: {verb} not convex; gdg will cut them into convex parts."
+            f"{named(cut)}: {what} not convex; gdg will cut {them} into convex parts."
         )
 
 

@@ -8,25 +8,19 @@ from dataclasses import replace
 import numpy as np
 import trimesh
 
+from gdg.hands.geometry import shape_mesh
 from gdg.hands.intake.description import Description
 from gdg.hands.urdf import Shape, Urdf
 
+#: Spheres are this coarse (see ``shape_mesh``): only volumes and extents are taken.
+SPHERE_LEVEL = 2
 #: A flat surface is taken to be this thick, metres.
 THINNEST_M = 1e-3
 
 
 def surface(description: Description, shape: Shape) -> trimesh.Trimesh:
     """A shape's surface in the link's frame, metres."""
-    if shape.kind == "mesh":
-        mesh = description.meshes[shape.mesh].mesh.copy()
-        mesh.apply_transform(np.diag([*shape.size, 1.0]))
-    elif shape.kind == "box":
-        mesh = trimesh.creation.box(shape.size)
-    elif shape.kind == "cylinder":
-        mesh = trimesh.creation.cylinder(shape.size[0], shape.size[1], sections=32)
-    else:
-        mesh = trimesh.creation.icosphere(2, radius=shape.size[0])
-    return mesh.apply_transform(shape.T_link_shape)
+    return shape_mesh(shape, lambda: description.meshes[shape.mesh].mesh.copy(), SPHERE_LEVEL)
 
 
 def solid(mesh: trimesh.Trimesh) -> trimesh.Trimesh:

@@ -58,9 +58,8 @@ class TipDrive:
 
 def tip_drive(hand: HandModel, finger: Finger) -> TipDrive | None:
     """The drive of a fingertip; None if nothing drives the finger."""
-    urdf, coupling = hand.hand.urdf, hand.hand.coupling[0]
-    rows = {joint.name: row for row, joint in enumerate(hand.hand.moving_joints)}
-    above = {joint.child: joint for joint in urdf.joints.values()}
+    coupling, rows = hand.hand.coupling[0], hand.hand.moving_rows
+    above = hand.hand.urdf.joint_above
     inward, link = [], finger.distal[0]
     while link in above and link in finger.links:
         if above[link].name in rows:

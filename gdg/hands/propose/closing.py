@@ -9,12 +9,21 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gdg.hands.propose.probe import Grips, Placed, Prober
+from gdg.hands.propose.probe import Grips, Placed, Prober, one_of_each
 
 #: Axes count as parallel from this cosine on.
 PARALLEL = 0.8
 #: A joint whose axis lies across its finger's last one closes if contacts move this straight.
 STRAIGHT = 0.6
+#: And if this share of the grips agrees on the way.
+AGREED = 0.9
+#: A joint swings both ways if the middle of its range is off zero by less than this share of the
+#: range, and the range is narrower than the second figure, rad or m.
+OFF_MIDDLE, NARROW = 0.2, 2.0
+#: Contacts that move with this cosine into the balls say all that straightness can say.
+CLEARLY = 0.5
+#: Certainty stays within these: the least is also that of a joint whose finger outvotes it.
+LEAST_CERTAINTY, MOST_CERTAINTY = 0.3, 0.99
 #: What a range that lies mostly on one side of zero says, against the grips' 1.
 RANGE_SAYS = 0.5
 #: And what the way from the hand at rest to the balls says.
@@ -80,7 +89,7 @@ def inward_of(prober: Prober, closings: Sequence[Closing]) -> Float[Tensor, "fin
 
 
 def _motions(prober: Prober, grips: Grips) -> list[_Motion]:
-    placed, resting = prober.place(grips.joints), prober.place(prober.rest[None])
+    placed = prober.place(grips.joints)
     weights = _weights(prober, grips, placed)
     found = []
     for joint in range(len(prober.hand.joint_names)):
@@ -92,13 +101,13 @@ def _motions(prober: Prober, grips: Grips) -> list[_Motion]:
         after = prober.place(moved)
         for number in range(len(prober.structure.fingers)):
             contact = grips.contacts[:, number]
-            velocity = _at(after.points - placed.points, contact) / step
+            velocity = one_of_each(after.points - placed.points, contact) / step
             speed = velocity.norm(dim=-1)
             moves = speed > MOVES
             if not moves.any():
                 continue
             inward = torch.nn.functional.normalize(
-                grips.centers - _at(placed.points, contact), dim=-1
+                grips.centers - one_of_each(placed.points, contact), dim=-1
             )
             cosine = (velocity * inward).sum(-1) / speed.clamp(min=MOVES) * moves
             counts = weights[number]
@@ -106,10 +115,10 @@ def _motions(prober: Prober, grips: Grips) -> list[_Motion]:
             agreement = float(counts @ (cosine.sign() == (1 if mean > 0 else -1)).to(cosine))
             along = max(
                 float(counts @ _along_last(prober, number, joint, placed)),
-                float(_along_last(prober, number, joint, resting)[0]),
+                float(_along_last(prober, number, joint, prober.resting)[0]),
                 key=abs,
             )
-            from_rest = float(counts @ _from_rest(prober, grips, contact, joint, resting))
+            from_rest = float(counts @ _from_rest(prober, grips, contact, joint))
             found.append(_Motion(number, joint, mean, along, agreement, from_rest))
     return found
 
@@ -128,15 +137,9 @@ def _weights(prober: Prober, grips: Grips, placed: Placed) -> list[Float[Tensor,
     return weights
 
 
-def _at(vectors: Float[Tensor, "grip point 3"], index: Tensor) -> Float[Tensor, "grip 3"]:
-    return vectors[torch.arange(len(index)), index]
-
-
-def _from_rest(
-    prober: Prober, grips: Grips, contact: Tensor, joint: int, resting: Placed
-) -> Float[Tensor, "grip"]:
+def _from_rest(prober: Prober, grips: Grips, contact: Tensor, joint: int) -> Float[Tensor, "grip"]:
     """Cosines between how a joint moves the touching points at rest and the way to the balls."""
-    values = prober.rest[None].clone()
+    values, resting = prober.rest[None].clone(), prober.resting
     step = STEP * float(prober.hand.upper[joint] - prober.hand.lower[joint])
     values[:, joint] += step
     velocity = (prober.place(values).points - resting.points)[0, contact]
@@ -152,7 +155,7 @@ def _along_last(prober: Prober, number: int, joint: int, placed: Placed) -> Floa
     """
     hand, last = prober.hand.hand, prober.drives[number]
     coupling = hand.coupling[0][:, joint]
-    rows = {other.name: row for row, other in enumerate(hand.moving_joints)}
+    rows = hand.moving_rows
     finger = prober.structure.fingers[number]
     following = [hand.urdf.joints[n] for n in finger.joints if coupling[rows[n]] != 0]
     if last is None or not following:
@@ -207,17 +210,20 @@ def _closing(
 def _presses_anyway(prober: Prober, motion: _Motion) -> bool:
     """Whether a joint that doesn't bend its finger drives contacts into the ball all the same."""
     lower, upper = (float(x[motion.joint]) for x in (prober.hand.lower, prober.hand.upper))
-    straight = abs(motion.straightness) >= STRAIGHT and motion.agreement > 0.9
+    straight = abs(motion.straightness) >= STRAIGHT and motion.agreement > AGREED
     return straight and not spreads(lower, upper)
 
 
 def spreads(lower: float, upper: float) -> bool:
     """Whether a range is that of a joint which swings a finger both ways from its middle."""
-    return bool(abs(upper + lower) < 0.4 * (upper - lower) < 0.8)
+    span = upper - lower
+    return bool(abs(upper + lower) / 2 < OFF_MIDDLE * span and span < NARROW)
 
 
 def _certainty(motion: _Motion, vote: float) -> float:
     """Half from how straight contacts move, half from how much the grips agree."""
-    agrees = motion.straightness * vote > 0
-    share = 0.5 * min(1.0, 2 * abs(motion.straightness)) + 0.5 * (2 * motion.agreement - 1)
-    return max(0.3, min(0.99, 0.5 + 0.5 * share)) if agrees else 0.3
+    if motion.straightness * vote <= 0:
+        return LEAST_CERTAINTY
+    straight, agreed = min(1.0, abs(motion.straightness) / CLEARLY), 2 * motion.agreement - 1
+    share = 0.5 * straight + 0.5 * agreed
+    return max(LEAST_CERTAINTY, min(MOST_CERTAINTY, 0.5 + 0.5 * share))

@@ -41,8 +41,8 @@ def without_linkages(hand: HandModel, structure: Structure) -> Structure:
 
 def _drives_of(hand: HandModel, finger: Finger) -> frozenset[int]:
     """The actuated joints that move a finger."""
-    rows = {joint.name: row for row, joint in enumerate(hand.hand.moving_joints)}
-    coupling = hand.hand.coupling[0][[rows[name] for name in finger.joints]]
+    rows = [hand.hand.moving_rows[name] for name in finger.joints]
+    coupling = hand.hand.coupling[0][rows]
     return frozenset(coupling.any(0).nonzero()[0].tolist())
 
 

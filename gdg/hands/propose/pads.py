@@ -49,7 +49,7 @@ def find_regions(
     Ts_open = _poses(hand, opened)
     regions: dict[str, list[Corners]] = {}
     for link, inner in sides.items():
-        parts = [part for part in hand.hand.parts if part.link == link]
+        parts = hand.hand.parts_of(link)
         if parts:
             others = _neighbours(hand, link, parts, Ts_open)
             found = inner_regions(parts, inner.outward, inner.along, others)
@@ -81,11 +81,10 @@ def _inner_sides(
     """
     middle = opened + HALFWAY * (closed - opened)
     Ts, Ts_after = _poses(hand, middle), _poses(hand, middle + STEP * (closed - opened))
-    urdf, names = hand.hand.urdf, hand.link_names
-    joint_above = {joint.child: joint for joint in urdf.joints.values()}
+    names, joint_above = hand.link_names, hand.hand.urdf.joint_above
     sides = {}
     for link in finger.links:
-        parts = [part for part in hand.hand.parts if part.link == link]
+        parts = hand.hand.parts_of(link)
         if not parts:
             continue
         number = names.index(link)
@@ -114,9 +113,9 @@ def _own_turn(
     slides or stays.
     """
     joint = hand.hand.urdf.joints[mover]
-    rows = {other.name: row for row, other in enumerate(hand.hand.moving_joints)}
     T_link_child = np.linalg.inv(T_root_link) @ Ts[hand.link_names.index(joint.child)]
-    angle = 0.0 if joint.type == "prismatic" else float(hand.hand.coupling[0][rows[mover]] @ change)
+    row = hand.hand.moving_rows[mover]
+    angle = 0.0 if joint.type == "prismatic" else float(hand.hand.coupling[0][row] @ change)
     return angle * T_link_child[:3, :3] @ joint.axis, T_link_child[:3, 3]
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
+from gdg.geometry.half_spaces import half_spaces
 from gdg.hands.geometry import ConvexPart
 from gdg.hands.propose.closing import Closing
 from gdg.hands.propose.probe import Grips, Prober
@@ -18,12 +19,20 @@ SNAP_DEG = 10.0
 JAW_SNAP_DEG = 25.0
 #: The thinnest direction of a flat palm counts within this angle of where balls rest, degrees.
 FLAT_DEG = 45.0
-#: Fingers are in a row if their summed axes are this long, as a share of their number.
-ROW_SHARE = 0.55
+#: Fingers are in a row if they are this many and their summed axes this long, as a share of their
+#: number (a thumb may oppose four fingers: 3 of 5).
+ROW_FINGERS, ROW_SHARE = 3, 0.55
 #: Grips are as good as the best up to this energy above it; fewer of them say nothing.
 AS_GOOD, FEW = 0.7, 3
 #: A palm link with fewer surface points says nothing about its thickness.
 LEAST_POINTS = 30
+#: Surface points face the balls if their normal and the palm's have at least this cosine (60°).
+FRONT = 0.5
+#: The certainty falls linearly to 0 where the normal differs by this from what the balls say,
+#: degrees, but stays within the second figures.
+UNCERTAIN_DEG, CERTAINTIES = 60.0, (0.2, 0.99)
+#: Certainty where nothing can be compared: a jaw's palm, and one without shapes.
+UNCOMPARED = 0.5
 
 
 @dataclass(frozen=True)
@@ -78,7 +87,7 @@ def find_palm(prober: Prober, grips: Grips, closings: Sequence[Closing]) -> Palm
     normal = _snapped(normal, _frame_axes(prober))
     spread = max(_angle(normal, felt), _angle(normal, seen))
     center = _surface_under(prober, np.average(centers, axis=0, weights=weights), normal)
-    certainty = float(np.clip(1.0 - spread / 60.0, 0.2, 0.99))
+    certainty = float(np.clip(1.0 - spread / UNCERTAIN_DEG, *CERTAINTIES))
     reason = (
         f"balls that all fingers hold rest on this side of '{prober.structure.palm}'; its surface "
         f"there and the directions to {resting.sum()} balls agree within {spread:.0f} degrees"
@@ -117,23 +126,23 @@ def _of_jaw(prober: Prober, grips: Grips, felt: np.ndarray, touched: int) -> Pal
     normal = _snapped(_unit(outward - (outward @ felt) * felt), _frame_axes(prober), JAW_SNAP_DEG)
     pad = prober.hand.link_names[int(prober.hand.surface.link_index[touched])]
     reason = "a single finger closes against a fixed jaw; the palm faces the opening between them"
-    return PalmFace(normal, _surface_under(prober, middle, normal), 0.5, reason, pad, felt)
+    center = _surface_under(prober, middle, normal)
+    return PalmFace(normal, center, UNCOMPARED, reason, pad, felt)
 
 
 def _without_shapes(prober: Prober, centers: np.ndarray, weights: np.ndarray) -> PalmFace:
     """A palm that is only a frame: it faces the balls, seen from where the fingers start."""
-    placed = prober.place(prober.rest[None])
-    bases = placed.Ts_palm_link[0, prober.first_links, :3, 3].numpy().astype(np.float64)
+    bases = prober.resting.Ts_palm_link[0, prober.first_links, :3, 3].numpy().astype(np.float64)
     middle = bases.mean(0)
     normal = _unit((weights[:, None] * _units(centers - middle)).sum(0))
     reason = f"'{prober.structure.palm}' has no shapes; the balls lie on this side of the fingers"
     normal = _snapped(normal, _frame_axes(prober))
-    return PalmFace(normal, middle, 0.5, reason, prober.structure.palm, normal)
+    return PalmFace(normal, middle, UNCOMPARED, reason, prober.structure.palm, normal)
 
 
 def _palm_surface(prober: Prober) -> tuple[np.ndarray, np.ndarray]:
-    placed = prober.place(prober.rest[None])
-    points, normals = placed.points[0, prober.palm], placed.normals[0, prober.palm]
+    rest = prober.resting
+    points, normals = rest.points[0, prober.palm], rest.normals[0, prober.palm]
     return points.numpy().astype(np.float64), normals.numpy().astype(np.float64)
 
 
@@ -144,25 +153,25 @@ def _nearest(centers: np.ndarray, points: np.ndarray) -> np.ndarray:
 def in_a_row(prober: Prober, closings: Sequence[Closing]) -> bool:
     """Whether most fingers close about the same axis the same way, as those of a human hand do."""
     hand = prober.hand.hand
-    rows = {joint.name: row for row, joint in enumerate(hand.moving_joints)}
     signs = np.array([closing.sign for closing in closings])
-    Ts, axes = prober.place(prober.rest[None]).Ts_palm_link[0].numpy(), []
+    Ts, axes = prober.resting.Ts_palm_link[0].numpy(), []
     for finger in prober.structure.fingers:
         for name in reversed(finger.joints):
-            joint, sign = hand.urdf.joints[name], np.sign(hand.coupling[0][rows[name]] @ signs)
+            joint, follows = hand.urdf.joints[name], hand.coupling[0][hand.moving_rows[name]]
+            sign = np.sign(follows @ signs)
             if sign and joint.type != "prismatic":
                 rotation = Ts[prober.hand.link_names.index(joint.child), :3, :3]
                 axes.append(sign * rotation.astype(np.float64) @ joint.axis)
                 break
     aligned = float(np.linalg.norm(np.sum(axes, axis=0))) if axes else 0.0
-    return len(axes) >= 3 and aligned > ROW_SHARE * len(axes)
+    return len(axes) >= ROW_FINGERS and aligned > ROW_SHARE * len(axes)
 
 
 def _thin_axis(prober: Prober, toward: np.ndarray) -> np.ndarray:
     """The direction in which the palm is thinnest, on the side of ``toward``."""
     own = prober.points_of((prober.structure.palm,))
     chosen = own if len(own) >= LEAST_POINTS else prober.palm
-    points = prober.place(prober.rest[None]).points[0, chosen].numpy().astype(np.float64)
+    points = prober.resting.points[0, chosen].numpy().astype(np.float64)
     axis = np.linalg.eigh(np.cov(points.T))[1][:, 0]
     return axis if axis @ toward > 0 else -axis
 
@@ -170,7 +179,7 @@ def _thin_axis(prober: Prober, toward: np.ndarray) -> np.ndarray:
 def _frame_axes(prober: Prober) -> np.ndarray:
     """Axes of the palm link's and of the root's frame, both ways, in the palm link's frame."""
     root = prober.hand.link_names.index(prober.hand.hand.urdf.root)
-    rotation = prober.place(prober.rest[None]).Ts_palm_link[0, root, :3, :3].numpy()
+    rotation = prober.resting.Ts_palm_link[0, root, :3, :3].numpy()
     axes = np.concatenate([np.eye(3), rotation.T.astype(np.float64)])
     return np.concatenate([axes, -axes])
 
@@ -188,41 +197,26 @@ def _surface_under(prober: Prober, above: np.ndarray, normal: np.ndarray) -> np.
     heights = []
     for part, T_palm_link in _palm_parts(prober):
         rotation, shift = T_palm_link[:3, :3], T_palm_link[:3, 3]
-        planes = part.mesh.face_normals @ rotation.T
-        offsets = np.einsum("ij,ij->i", planes, part.mesh.triangles[:, 0] @ rotation.T + shift)
-        height = _highest_in(planes, offsets, above, normal)
-        if height is not None:
-            heights.append(height)
-    if heights:
-        return above + max(heights) * normal
+        start, direction = (above - shift) @ rotation, normal @ rotation
+        heights += half_spaces(part.mesh).crossings(start[None], direction).exit.tolist()
+    if np.isfinite(heights).any():
+        return above + np.nanmax(heights) * normal
     points, normals = _palm_surface(prober)
-    front = points[normals @ normal > 0.5] if (normals @ normal > 0.5).any() else points
+    faces = normals @ normal > FRONT
+    front = points[faces] if faces.any() else points
     offset = front - above
     aside = np.linalg.norm(offset - np.outer(offset @ normal, normal), axis=-1)
     return front[aside.argmin()]
 
 
 def _palm_parts(prober: Prober) -> list[tuple[ConvexPart, np.ndarray]]:
-    Ts = prober.place(prober.rest[None]).Ts_palm_link[0].numpy().astype(np.float64)
+    Ts = prober.resting.Ts_palm_link[0].numpy().astype(np.float64)
     hand = prober.hand
     return [
         (part, Ts[hand.link_names.index(part.link)])
         for part in hand.hand.parts
         if part.link in prober.structure.palm_body
     ]
-
-
-def _highest_in(
-    planes: np.ndarray, offsets: np.ndarray, start: np.ndarray, direction: np.ndarray
-) -> float | None:
-    """Where the line from ``start`` along ``direction`` leaves a convex part; None if it misses."""
-    slope, room = planes @ direction, offsets - planes @ start
-    if (room[np.abs(slope) < 1e-9] < 0).any():
-        return None
-    leaving, entering = slope > 1e-9, slope < -1e-9
-    last = (room[leaving] / slope[leaving]).min()
-    first = (room[entering] / slope[entering]).max()
-    return float(last) if first < last else None
 
 
 def _unit(vector: np.ndarray) -> np.ndarray:

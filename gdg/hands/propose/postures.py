@@ -76,7 +76,6 @@ class _Bodies:
 
     def __init__(self, hand: HandModel):
         self.hand = hand
-        self._paths = _paths(hand)
         self._bodies = LinkBodies(hand.hand)
 
     def overlaps(
@@ -92,8 +91,8 @@ class _Bodies:
 
     def between(self, pair: Pair) -> Bool[np.ndarray, "joint"]:
         """Which joints move the links of a pair against each other."""
-        coupling = self.hand.hand.coupling[0]
-        between = self._paths[pair[0]] ^ self._paths[pair[1]]
+        coupling, above = self.hand.hand.coupling[0], self.hand.hand.rows_above
+        between = above[pair[0]] ^ above[pair[1]]
         return (coupling[sorted(between)] != 0).any(0)
 
     def let_touch(self, pairs: Sequence[Pair], apart: Bool[np.ndarray, "link link"]) -> None:
@@ -160,16 +159,6 @@ def _equal(
     for members in groups.values():
         equal[members] = values[members].mean()
     return equal
-
-
-def _paths(hand: HandModel) -> dict[str, frozenset[int]]:
-    """Link -> the moving joints between it and the root, as rows of the coupling."""
-    rows = {joint.name: row for row, joint in enumerate(hand.hand.moving_joints)}
-    paths: dict[str, frozenset[int]] = {hand.hand.urdf.root: frozenset()}
-    for joint in hand.hand.urdf.joints.values():  # parents before children
-        own = {rows[joint.name]} if joint.name in rows else set()
-        paths[joint.child] = paths[joint.parent] | own
-    return paths
 
 
 def _apart(

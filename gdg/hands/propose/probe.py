@@ -8,6 +8,7 @@ the zero posture and the signs of the joints.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import torch
 from jaxtyping import Bool, Float, Int
@@ -16,6 +17,7 @@ from torch import Tensor
 from gdg.hands.propose.bending import tip_drive
 from gdg.hands.propose.structure import Structure
 from gdg.kinds.hand_model import HandModel
+from gdg.penetration import self_penetration
 
 #: Grips tried at once, steps of each, and share of them that is kept.
 GRIPS, STEPS, KEPT = 96, 200, 0.25
@@ -27,6 +29,10 @@ GAP_SCALE_M = 0.006
 LEAST_SHARE = 0.3
 #: Steps of Adam: on joints as a share of their range, on balls as a share of the longest finger.
 JOINT_STEP, BALL_STEP, SHARE_STEP = 0.03, 0.03, 0.05
+#: Balls begin scattered this far around where the fingers start, as a share of the longest one.
+SCATTER = 0.5
+#: Random postures in which the fingers' lengths are measured.
+LENGTH_POSTURES = 32
 #: A joint with a larger range turns all the way round; it is searched this far from zero, rad.
 WHOLE_TURN, WIDEST = 5.5, 1.9
 #: Weights of the terms beside touching: the touching face looks at the ball; the finger's last
@@ -124,6 +130,11 @@ class Prober:
             self.hand.place(turned, surface.normals, surface.link_index),
         )
 
+    @cached_property
+    def resting(self) -> Placed:
+        """The hand in the posture of the joints that stay, alone in its batch."""
+        return self.place(self.rest[None])
+
     def reach(self, placed: Placed, finger: int, points: Tensor) -> Float[Tensor, "grip *point"]:
         """Distances of surface points, (point,) or one per grip, from a finger's first joint.
 
@@ -145,7 +156,7 @@ class Prober:
         share = torch.rand(count, len(self.rest), generator=generator)
         start = self.place(self._joints(share)).Ts_palm_link
         bases = start[:, self.first_links, :3, 3].mean(1)
-        centers = bases + 0.5 * length * torch.randn(count, 3, generator=generator)
+        centers = bases + SCATTER * length * torch.randn(count, 3, generator=generator)
         forces = torch.zeros(count, len(self.tips) + 1)
         leaves = [leaf.detach().requires_grad_(True) for leaf in (share, centers, forces)]
         rates = (JOINT_STEP, BALL_STEP * length, SHARE_STEP)
@@ -171,7 +182,8 @@ class Prober:
 
     def _finger_lengths(self) -> Float[Tensor, "finger"]:
         """How far each fingertip gets from its finger's first joint, metres."""
-        share = torch.rand(32, len(self.rest), generator=torch.Generator().manual_seed(0))
+        generator = torch.Generator().manual_seed(0)
+        share = torch.rand(LENGTH_POSTURES, len(self.rest), generator=generator)
         placed = self.place(self._joints(share))
         reach = [self.reach(placed, index, tips).amax() for index, tips in enumerate(self.tips)]
         return torch.stack(reach)
@@ -201,18 +213,18 @@ class Prober:
             least, index = (cost[:, points] + pressing).min(-1)
             touch.append(least)
             contacts.append(points[index])
-            directions.append(_chosen(inward, contacts[-1]))
+            directions.append(one_of_each(inward, contacts[-1]))
         if len(self.palm):
             least, index = cost[:, self.palm].min(-1)
             on_it = on_palm.to(least)
-            directions.append(on_it[:, None] * _chosen(inward, self.palm[index]))
+            directions.append(on_it[:, None] * one_of_each(inward, self.palm[index]))
         else:
             least, on_it = torch.zeros_like(radii), torch.zeros_like(radii)
             directions.append(torch.zeros_like(centers))
         force = self._shares(forces)[..., None] * torch.stack(directions, 1)
         balance = force.sum(1).square().sum(-1)
         inside = (torch.relu(-gap).square().sum(-1) + 1e-6).sqrt()
-        own = self.hand.self_penetration(placed.Ts_palm_link) / GAP_SCALE_M
+        own = self_penetration(self.hand, placed.Ts_palm_link) / GAP_SCALE_M
         energy = torch.stack(touch, 1).mean(1) + on_it * least
         energy = energy + BALANCE * balance + INSIDE * inside + SELF * own
         return energy, torch.stack(contacts, 1)
@@ -239,7 +251,10 @@ def _searched(hand: HandModel) -> tuple[Float[Tensor, "joint"], Float[Tensor, "j
     return torch.where(around, -widest, hand.lower), torch.where(around, widest, hand.upper)
 
 
-def _chosen(vectors: Float[Tensor, "grip point 3"], index: Int[Tensor, "grip"]) -> Tensor:
+def one_of_each(
+    vectors: Float[Tensor, "grip point 3"], index: Int[Tensor, "grip"]
+) -> Float[Tensor, "grip 3"]:
+    """The vector of one point per grip."""
     return vectors[torch.arange(len(index)), index]
 
 

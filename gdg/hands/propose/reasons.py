@@ -15,8 +15,18 @@ from gdg.hands.propose.probe import Grips
 from gdg.hands.propose.structure import Structure
 from gdg.hands.spec import HandSpec
 
-#: How sure it is that a joint without part in closing has none.
+#: How sure a decision is where nothing is measured, chosen for its verdict (``Decision.verdict``):
+#: what a mistake would be rare in, the palm's link and regions on every finger's tip ...
+STRUCTURAL = 0.95
+#: ... what was found by trying or is taken over: links that touch, efforts ...
+FOUND = 0.9
+#: ... that a joint without part in closing has none ...
 REST_CERTAINTY = 0.7
+#: ... estimates of force limits, and regions that some fingers lack.
+ESTIMATED, INCOMPLETE = 0.5, 0.4
+#: The closed posture: this for grips of energy 0, less by the second figure per unit of their mean
+#: energy (below about 1 all fingers touch), within the third figures.
+CLOSED_CERTAINTY, PER_ENERGY, CERTAINTIES = 1.1, 0.3, (0.1, 0.99)
 SIDES = {1: "closes with larger values", -1: "closes with smaller values", 0: "rests"}
 
 
@@ -51,7 +61,7 @@ def explain(spec: HandSpec, found: Found) -> tuple[Decision, ...]:
         Decision(
             "allowed_self_contacts",
             f"{len(spec.allowed_self_contacts)} pairs",
-            0.9,
+            FOUND,
             "they overlap in the open posture or in most others",
         ),
         _drives(spec, found),
@@ -61,7 +71,7 @@ def explain(spec: HandSpec, found: Found) -> tuple[Decision, ...]:
 def _palm(spec: HandSpec, found: Found) -> Iterable[Decision]:
     sure, fingers = found.face.certainty, len(found.structure.fingers)
     what = "1 finger moves on it" if fingers == 1 else f"{fingers} fingers branch from it"
-    yield Decision("palm.link", spec.palm.link, 0.95, what)
+    yield Decision("palm.link", spec.palm.link, STRUCTURAL, what)
     yield Decision("palm.normal", _listed(spec.palm.normal), sure, found.face.reason)
     why = "the palm's surface under the balls that it holds"
     yield Decision("palm.center", _listed(spec.palm.center), sure, why)
@@ -83,7 +93,8 @@ def _closed(spec: HandSpec, found: Found) -> Decision:
     met = [f"'{first}' and '{second}'" for first, second in found.postures.met]
     named = ", ".join(met[:2]) + (", …" if len(met) > 2 else "")
     until = f"fingers meet ({named})" if met else "the joints are near their limits"
-    sure = float(np.clip(1.1 - 0.3 * float(found.grips.energy.mean()), 0.1, 0.99))
+    energy = float(found.grips.energy.mean())
+    sure = float(np.clip(CLOSED_CERTAINTY - PER_ENERGY * energy, *CERTAINTIES))
     return Decision("closed", f"{len(spec.closed)} joints", sure, f"closes until {until}")
 
 
@@ -93,18 +104,18 @@ def _regions(spec: HandSpec, found: Found) -> Decision:
     why = f"{len(tips)} of {len(fingers)} fingers have one on their last link"
     value = f"{sum(map(len, regions.values()))} on {len(regions)} links"
     if len(tips) < len(fingers):
-        return Decision("contact_regions", value, 0.4, why + "; draw the others by hand")
-    return Decision("contact_regions", value, 0.95, why)
+        return Decision("contact_regions", value, INCOMPLETE, why + "; draw the others by hand")
+    return Decision("contact_regions", value, STRUCTURAL, why)
 
 
 def _drives(spec: HandSpec, found: Found) -> Decision:
     value = f"at most {spec.drives.default.force_limit:g} for most joints"
     unknown = [joint for joint, known in found.stated.items() if not known]
     if not unknown:
-        return Decision("drives", value, 0.9, "efforts of the description")
+        return Decision("drives", value, FOUND, "efforts of the description")
     named = ", ".join(unknown[:4]) + (", …" if len(unknown) > 4 else "")
     why = f"estimates: the description states no plausible effort for {named}"
-    return Decision("drives", value, 0.5, why)
+    return Decision("drives", value, ESTIMATED, why)
 
 
 def _listed(vector: Sequence[float]) -> str:

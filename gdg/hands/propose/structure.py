@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-import numpy as np
-
 from gdg.errors import GdgError
 from gdg.hands.geometry import ConvexPart
 from gdg.hands.urdf import MOVING_TYPES, Joint, Urdf
@@ -156,15 +154,7 @@ def _palm_link(tree: _Tree, parents: list[str], shaped: tuple[str, ...], urdf: U
 
 def _steps(urdf: Urdf, link: str) -> list[str]:
     """A link and its ancestors."""
-    parent = {joint.child: joint.parent for joint in urdf.joints.values()}
     chain = [link]
-    while chain[-1] in parent:
-        chain.append(parent[chain[-1]])
+    while chain[-1] in urdf.joint_above:
+        chain.append(urdf.joint_above[chain[-1]].parent)
     return chain
-
-
-def extent(parts: Iterable[ConvexPart], links: Iterable[str]) -> float:
-    """Longest side of the box around the shapes of some links, each in its own frame, metres."""
-    wanted = set(links)
-    sides = [float(np.max(part.mesh.extents)) for part in parts if part.link in wanted]
-    return max(sides, default=0.0)

@@ -30,7 +30,7 @@ class HandCase:
 
     def parts_of(self, link: str) -> list[ConvexPart]:
         """The convex parts of one link."""
-        return [part for part in self.hand.parts if part.link == link]
+        return self.hand.parts_of(link)
 
     @cached_property
     def postures(self) -> torch.Tensor:

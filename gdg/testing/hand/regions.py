@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from gdg.geometry.quadrilateral import grid_on
 from gdg.hands.geometry import ConvexPart
 from gdg.testing.findings import Finding, error, warning
 from gdg.testing.hand.case import HandCase, listed
@@ -44,7 +45,7 @@ def _region_mistakes(parts: list[ConvexPart], corners: np.ndarray) -> Iterator[s
             f"corners in metres?"
         )
         return
-    nearest = nearest_surface(parts, _grid_on(corners))
+    nearest = nearest_surface(parts, grid_on(corners, GRID))
     gap = float(np.abs(nearest.distance).max())
     if gap > MAX_REGION_GAP_M:
         yield (
@@ -54,13 +55,6 @@ def _region_mistakes(parts: list[ConvexPart], corners: np.ndarray) -> Iterator[s
         )
     if float((nearest.normals @ across).mean()) <= 0:
         yield "faces into the link; list the corners counter-clockwise as seen from outside."
-
-
-def _grid_on(corners: np.ndarray) -> np.ndarray:
-    u, v = (t.ravel()[:, None] for t in np.meshgrid(*[np.linspace(0, 1, GRID)] * 2))
-    near = (1 - u) * corners[0] + u * corners[1]
-    far = (1 - u) * corners[3] + u * corners[2]
-    return (1 - v) * near + v * far
 
 
 def fingertips(case: HandCase) -> Iterator[Finding]:

@@ -10,7 +10,7 @@ from hard_hands import HARD_HANDS, HardHand, rename, scramble, write_hard_hand
 
 from gdg.errors import GdgError
 from gdg.hands.geometry import ConvexPart, link_parts
-from gdg.hands.propose.structure import LONGEST_SINGLE_FINGER, Structure, extent, find_structure
+from gdg.hands.propose.structure import LONGEST_SINGLE_FINGER, Structure, find_structure
 from gdg.hands.urdf import Joint, Urdf, read_urdf
 
 #: Fingers per made-up hand where it isn't five; the bars of a four-bar count until they are told.
@@ -168,11 +168,3 @@ def test_a_bare_root_is_the_palm_where_nothing_else_can_be(tmp_path: Path):
     assert structure.palm == "hub"
     assert structure.palm_body == ()
     assert len(structure.fingers) == 2
-
-
-def test_the_extent_is_that_of_the_largest_link(tmp_path: Path):
-    urdf = read_urdf(write(tmp_path, finger(tip=box(size="0.01 0.09 0.02"))))
-    parts = link_parts(urdf, tmp_path, "collision")
-    assert extent(parts, ["proximal", "tip"]) == pytest.approx(0.09)
-    assert extent(parts, ["palm"]) == pytest.approx(0.05)
-    assert extent(parts, []) == 0

@@ -11,12 +11,12 @@ from torch import Tensor
 from gdg.contact_maps import values_on
 from gdg.data.contact_map import ContactMap
 from gdg.data.grasps import GraspSet
-from gdg.energies import penetration
 from gdg.initial_poses import above_surface, around_sphere
 from gdg.kinds.distance import Distance
 from gdg.kinds.fitter import Fitter, Progress
 from gdg.kinds.hand_model import HandModel
 from gdg.objects.model import ObjectModel
+from gdg.penetration import penetration
 from gdg.rotations import ROOT_DIM, q_from_pose, root_pose
 
 from .options import EvolutionOptions

@@ -1,0 +1,311 @@
+"""gdg's compact layout: every valid grasp of a dataset in one small Parquet file.
+
+A row is a grasp: hand and object (by name; their content hashes stand once in the file's
+metadata), the root's position and unit quaternion, the joints, a summary of the verdict, and what
+made it. Single precision, split into byte planes and compressed: about 80 bytes a grasp. What
+follows from the grasp is left out (contacts, metrics, drive targets; ``gdg.pipeline.rebuild``
+computes it anew), and so are the planner's energies.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import torch
+
+import gdg
+from gdg.cache import content_hash
+from gdg.data.atomic import atomic_path
+from gdg.data.dataset import ShardInfo
+from gdg.data.grasps import GraspSet
+from gdg.data.layouts.rotations import (
+    poses_from,
+    quaternion_from_rotation,
+    rotation_from_quaternion,
+)
+from gdg.data.verdict import DIRECTIONS, Verdict
+from gdg.errors import GdgError, raise_if_any
+
+SCHEMA = "gdg-compact-1"
+METADATA_KEY = b"gdg"
+POSITION = ("x", "y", "z")
+QUATERNION = ("qw", "qx", "qy", "qz")
+#: Verdict fields that are kept as they are; ``shifts`` holds the bits of ``shift_successes``.
+FLOATS = ("penetration_start_mm", "penetration_end_mm", "drift_m", "free_displacement_m")
+TEXTS = ("failure", "protocol", "engine")
+#: Provenance that stands once per file; seeds stand in the rows.
+RECIPE = ("gdg", "device", "components", "imported")
+#: Bits of one integer.
+MAX_SHIFTS = 62
+
+_TEXT = pa.dictionary(pa.int32(), pa.string())
+
+
+@dataclass(frozen=True)
+class CompactHand:
+    """A hand of the file: its content hash, joints (columns of the values) and root link."""
+
+    content_hash: str
+    joint_names: tuple[str, ...]
+    root_link: str
+
+
+@dataclass(frozen=True)
+class CompactObject:
+    """An object of the file: its content hash, factor from its mesh to metres, and split."""
+
+    content_hash: str
+    scale: float
+    split: str
+
+
+@dataclass(frozen=True)
+class Group:
+    """Rows of a file that belong together: one hand, one object, tested in one way."""
+
+    hand: str
+    object_name: str
+    protocol: str
+    refined: bool
+
+
+@dataclass(frozen=True)
+class CompactFile:
+    """A compact file.
+
+    Attributes:
+        path: the file.
+        hands: by name.
+        objects: by name.
+        recipes: hash -> versions and components that made grasps.
+        table: the rows.
+    """
+
+    path: Path
+    hands: Mapping[str, CompactHand]
+    objects: Mapping[str, CompactObject]
+    recipes: Mapping[str, Any]
+    table: pa.Table
+
+    def groups(self) -> dict[Group, np.ndarray]:
+        """Group -> its rows, groups in the file's order."""
+        names = ("hand", "object", "protocol", "refined")
+        found: dict[Group, list[int]] = {}
+        columns = (self.table[name].to_pylist() for name in names)
+        for row, (hand, obj, protocol, refined) in enumerate(zip(*columns, strict=True)):
+            group = Group(hand, obj, protocol or "", bool(refined))
+            found.setdefault(group, []).append(row)
+        return {group: np.array(rows) for group, rows in found.items()}
+
+    def grasps(self, group: Group, rows: np.ndarray) -> GraspSet:
+        """The grasps of a group; verdicts hold what the file has of them, pushes are NaN.
+
+        Raises:
+            GdgError: a row has another number of joints than its hand.
+        """
+        hand = self.hands[group.hand]
+        table = self.table.take(pa.array(rows))
+        count = len(rows)
+        joints = [value for row in table["joints"].to_pylist() for value in row]
+        if len(joints) != count * len(hand.joint_names):
+            raise GdgError(f"{self.path}: rows of '{group.hand}' lack joint values.")
+        recipes = sorted(set(table["recipe"].to_pylist()))
+        return GraspSet(
+            hand=group.hand,
+            object_name=group.object_name,
+            joint_names=hand.joint_names,
+            root_link=hand.root_link,
+            poses=_poses(table),
+            joints=torch.tensor(joints, dtype=torch.float32).reshape(count, -1),
+            verdicts=_verdicts(table) if group.protocol else (),
+            provenance={
+                **(self.recipes.get(recipes[0], {}) if len(recipes) == 1 else {}),
+                "recipes": recipes,
+                "seeds": sorted({seed for seed in table["seed"].to_pylist() if seed is not None}),
+            },
+        )
+
+
+def write_compact(
+    path: Path, sets: Iterable[tuple[ShardInfo, GraspSet]], compression_level: int = 19
+) -> int:
+    """Writes the given grasps into one file and returns how many they are.
+
+    Args:
+        path: the file.
+        sets: shard facts and the grasps to keep of them.
+        compression_level: of zstd.
+
+    Raises:
+        GdgError: one name stands for two versions of a hand or object.
+    """
+    contents = _Contents()
+    for info, grasps in sets:
+        if len(grasps):
+            contents.add(info, grasps)
+    raise_if_any(list(contents.mistakes))
+    if not contents.tables:
+        raise GdgError("no grasp of the dataset passed its test, so there is nothing to export.")
+    table = contents.table()
+    floats = [*POSITION, *QUATERNION, "joints.list.element", *FLOATS]
+    texts = [name for name, kind in zip(table.column_names, table.schema.types) if kind == _TEXT]
+    with atomic_path(path) as temporary:
+        pq.write_table(
+            table, temporary, compression="zstd", compression_level=compression_level,
+            use_dictionary=[*texts, "seed"],  # type: ignore[arg-type]
+            use_byte_stream_split=floats,  # type: ignore[arg-type]
+            write_statistics=False,
+        )  # fmt: skip
+    return table.num_rows
+
+
+class _Contents:
+    """What goes into a file."""
+
+    def __init__(self) -> None:
+        self.hands: dict[str, CompactHand] = {}
+        self.objects: dict[str, CompactObject] = {}
+        self.recipes: dict[str, Any] = {}
+        self.mistakes: dict[str, None] = {}
+        self.tables: dict[tuple[str, str], list[pa.Table]] = {}
+
+    def add(self, info: ShardInfo, grasps: GraspSet) -> None:
+        """Adds the grasps of a shard; notes a mistake where a name has two meanings."""
+        hand = CompactHand(info.hand_hash, info.joint_names, info.root_link)
+        obj = CompactObject(info.object_hash, info.object_scale, info.split)
+        if self.hands.setdefault(info.hand, hand) != hand:
+            self._complain(info, f"hand '{info.hand}'")
+        if self.objects.setdefault(info.object_name, obj) != obj:
+            self._complain(info, f"object '{info.object_name}'")
+        recipe = {key: info.provenance[key] for key in RECIPE if key in info.provenance}
+        label = content_hash(json.dumps(recipe, sort_keys=True))[:12]
+        self.recipes[label] = recipe
+        seed = info.provenance.get("shard_seed", info.provenance.get("seed"))
+        rows = _rows(grasps, label, seed if isinstance(seed, int) else None)
+        self.tables.setdefault((info.hand, info.object_name), []).append(rows)
+
+    def _complain(self, info: ShardInfo, what: str) -> None:
+        self.mistakes[
+            f"{info.path}: the dataset has two versions of the {what}, which a compact file can't "
+            f"hold; export them from two datasets."
+        ] = None
+
+    def table(self) -> pa.Table:
+        """All rows, pairs sorted, with the header as metadata."""
+        header = {
+            "schema": SCHEMA,
+            "gdg": gdg.__version__,
+            "hands": {
+                n: [h.content_hash, h.joint_names, h.root_link] for n, h in self.hands.items()
+            },
+            "objects": {n: [o.content_hash, o.scale, o.split] for n, o in self.objects.items()},
+            "recipes": self.recipes,
+        }
+        table = pa.concat_tables([t for key in sorted(self.tables) for t in self.tables[key]])
+        table = table.unify_dictionaries().combine_chunks()
+        return table.replace_schema_metadata({METADATA_KEY: json.dumps(header).encode()})
+
+
+def read_compact(path: Path) -> CompactFile:
+    """Reads a compact file.
+
+    Raises:
+        GdgError: it can't be read, or is no compact file.
+    """
+    try:
+        with pq.ParquetFile(path) as stored:
+            table = stored.read()
+        header = json.loads((table.schema.metadata or {}).get(METADATA_KEY, b"null"))
+        if not isinstance(header, dict) or header.get("schema") != SCHEMA:
+            raise ValueError(f"its schema is not '{SCHEMA}'")
+        hands = {
+            name: CompactHand(key, tuple(joints), root)
+            for name, (key, joints, root) in header["hands"].items()
+        }
+        objects = {name: CompactObject(*facts) for name, facts in header["objects"].items()}
+        unknown = set(table["hand"].to_pylist()) - set(hands)
+        unknown |= set(table["object"].to_pylist()) - set(objects)
+        if unknown:
+            raise ValueError(f"'{min(unknown)}' is not in its lists of hands and objects")
+        return CompactFile(path, hands, objects, header["recipes"], table)
+    except (pa.ArrowException, OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+        reason = " ".join(str(error).split())
+        raise GdgError(f"{path}: is no readable compact file: {reason}") from error
+
+
+def _rows(grasps: GraspSet, recipe: str, seed: int | None) -> pa.Table:
+    count, verdicts = len(grasps), grasps.verdicts
+    poses = grasps.poses.double().numpy()
+    quaternions = quaternion_from_rotation(poses[:, :3, :3])
+    joints = grasps.joints.float().numpy()
+    columns: dict[str, Any] = {
+        "hand": _texts([grasps.hand] * count),
+        "object": _texts([grasps.object_name] * count),
+        **{name: pa.array(poses[:, i, 3], pa.float32()) for i, name in enumerate(POSITION)},
+        **{name: pa.array(quaternions[:, i], pa.float32()) for i, name in enumerate(QUATERNION)},
+        "joints": pa.ListArray.from_arrays(
+            pa.array(np.arange(count + 1, dtype=np.int32) * joints.shape[1]),
+            pa.array(joints.reshape(-1), pa.float32()),
+        ),
+    }
+    blank: list[None] = [None] * count
+    for name in TEXTS:
+        columns[name] = _texts([getattr(v, name) for v in verdicts] or blank)
+    for name in FLOATS:
+        columns[name] = pa.array([getattr(v, name) for v in verdicts] or blank, pa.float32())
+    for name in ("success", "refined"):
+        columns[name] = pa.array([getattr(v, name) for v in verdicts] or blank, pa.bool_())
+    shifts = [v.shift_successes[:MAX_SHIFTS] for v in verdicts]
+    columns["shifts"] = pa.array([_bits(s) for s in shifts] or blank, pa.int64())
+    columns["trials_run"] = pa.array([len(s) for s in shifts] or blank, pa.int8())
+    columns["trials"] = pa.array([v.trials for v in verdicts] or blank, pa.int16())
+    columns["seed"] = pa.array([seed] * count, pa.int64())
+    columns["recipe"] = _texts([recipe] * count)
+    return pa.table(columns)
+
+
+def _texts(values: Sequence[str | None]) -> pa.Array:
+    return pa.array(values, pa.string()).dictionary_encode().cast(_TEXT)
+
+
+def _bits(shifts: Sequence[bool]) -> int:
+    return sum(1 << place for place, passed in enumerate(shifts) if passed)
+
+
+def _poses(table: pa.Table) -> torch.Tensor:
+    def columns(names: Sequence[str]) -> np.ndarray:
+        return np.stack([table[name].to_numpy() for name in names], axis=-1).astype(np.float64)
+
+    poses = poses_from(columns(POSITION), rotation_from_quaternion(columns(QUATERNION)))
+    return torch.from_numpy(poses.astype(np.float32))
+
+
+def _verdicts(table: pa.Table) -> tuple[Verdict, ...]:
+    def number(value: float | None) -> float:
+        return math.nan if value is None else value
+
+    return tuple(
+        Verdict(
+            success=row["success"],
+            displacement_m=(math.nan,) * len(DIRECTIONS),
+            rotation_rad=(math.nan,) * len(DIRECTIONS),
+            contact_kept=(False,) * len(DIRECTIONS),
+            shift_successes=tuple(bool(row["shifts"] >> i & 1) for i in range(row["trials_run"])),
+            refined=row["refined"],
+            trials=row["trials"],
+            seconds=math.nan,
+            **{name: number(row[name]) for name in FLOATS},
+            **{name: row[name] for name in TEXTS},
+        )
+        for row in table.select(
+            ["success", "refined", "shifts", "trials_run", "trials", *FLOATS, *TEXTS]
+        ).to_pylist()
+    )

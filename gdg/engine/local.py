@@ -1,0 +1,177 @@
+"""Processes of this machine."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import signal
+import threading
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from multiprocessing import get_context, parent_process
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
+from typing import Any
+
+from gdg.engine.answer import answer
+from gdg.engine.base import Outcome, Result, Task
+from gdg.engine.pool import News, Worker, WorkerPool, timed_out
+from gdg.engine.threads import limit_threads, usable_cores
+
+
+class LocalEngine(WorkerPool):
+    """Spawned processes that end with this one, however it ends; one worker is this process.
+
+    Args:
+        workers: processes at once; 0 for one per core that may be used. With 1, tasks run in this
+            process, where nothing is started and nothing is replaced if it is killed.
+        threads: of each worker.
+        timeout_s: a task that takes longer is stopped; 0 for no limit. With one worker it is
+            stopped at its next Python statement, and only where the system has timers (not on
+            Windows) and this is the main thread.
+    """
+
+    def __init__(self, workers: int = 0, *, threads: int = 1, timeout_s: float = 0.0):
+        super().__init__(timeout_s)
+        self.workers = workers or usable_cores()
+        self._threads = threads
+
+    def run(
+        self, function: Callable[[Task], Result], take: Callable[[Task | None], Task | None]
+    ) -> Generator[Outcome[Task, Result], None, None]:
+        """See the interface."""
+        if self.workers > 1:
+            return super().run(function, take)
+        return self._run_here(function, take)
+
+    def _run_here(
+        self, function: Callable[[Task], Result], take: Callable[[Task | None], Task | None]
+    ) -> Generator[Outcome[Task, Result], None, None]:
+        last: Task | None = None
+        while (task := take(last)) is not None:
+            last = task
+            before = limit_threads(self._threads)
+            try:
+                with _alarm(self._timeout_s):
+                    outcome = Outcome(task, function(task))
+            except _Alarm:
+                outcome = Outcome(task, None, timed_out(self._timeout_s))
+            except Exception as error:  # as a worker does: a bug in one leaves the others alone
+                outcome = Outcome(task, None, error)
+            finally:
+                limit_threads(before)
+            yield outcome
+
+    def _capacity(self) -> int:
+        return self.workers
+
+    def _start(self) -> Worker:
+        context = get_context("spawn")
+        ours, theirs = context.Pipe()
+        process = context.Process(target=_serve, args=(theirs, self._threads), daemon=True)
+        with _no_interrupt():
+            process.start()
+        theirs.close()  # so that ours ends when the worker does
+        return _LocalWorker(process=process, connection=ours)
+
+    def _send(self, worker: Worker, function: Callable[[Any], Any], task: Any) -> None:
+        assert isinstance(worker, _LocalWorker)
+        data = pickle.dumps((function, task))
+        with suppress(OSError):  # it died: the end of its connection says so
+            worker.connection.send_bytes(data)
+
+    def _wait(self, workers: Sequence[Worker], seconds: float) -> list[News]:
+        by_connection = {w.connection: w for w in workers if isinstance(w, _LocalWorker)}
+        news = []
+        for connection in wait(list(by_connection), seconds):
+            assert isinstance(connection, Connection)
+            worker = by_connection[connection]
+            try:
+                news.append(News(worker, connection.recv_bytes()))
+            except (EOFError, OSError):
+                worker.process.join()
+                news.append(News(worker, None, _end_of(worker.process.exitcode)))
+        return news
+
+    def _kill(self, worker: Worker) -> None:
+        assert isinstance(worker, _LocalWorker)
+        worker.process.kill()
+        worker.process.join()
+        worker.connection.close()
+
+
+@dataclass(eq=False)
+class _LocalWorker(Worker):
+    process: BaseProcess = None  # type: ignore[assignment]
+    connection: Connection = None  # type: ignore[assignment]
+
+
+def _serve(connection: Connection, threads: int) -> None:
+    """The life of a worker process."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent stops its workers itself
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    limit_threads(threads)
+    connection.send_bytes(b"")
+    while True:
+        try:
+            function, task = pickle.loads(connection.recv_bytes())
+            connection.send_bytes(answer(function, task))
+        except (EOFError, OSError):
+            return  # the parent is gone
+
+
+def _end_with_parent() -> None:
+    """Ends this process at once when its parent is gone, whatever it computes."""
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
+
+
+def _end_of(code: int | None) -> str:
+    """How a process ended, in words."""
+    if code is not None and code < 0:
+        try:
+            return signal.Signals(-code).name
+        except ValueError:
+            return f"signal {-code}"
+    return f"exit code {code}"
+
+
+@contextmanager
+def _no_interrupt() -> Iterator[None]:
+    """Holds Ctrl-C back from this thread, and from processes that are started meanwhile."""
+    mask = getattr(signal, "pthread_sigmask", None)
+    if mask is None:
+        yield
+        return
+    before = mask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        mask(signal.SIG_SETMASK, before)
+
+
+class _Alarm(BaseException):
+    """Time is up; no ``except Exception`` on the way swallows it."""
+
+
+@contextmanager
+def _alarm(seconds: float) -> Iterator[None]:
+    """Raises ``_Alarm`` inside the body after so many seconds; 0 for never."""
+    main = threading.current_thread() is threading.main_thread()
+    if not seconds or not main or not hasattr(signal, "setitimer"):
+        yield
+        return
+
+    def ring(*_: object) -> None:
+        raise _Alarm
+
+    before = signal.signal(signal.SIGALRM, ring)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)

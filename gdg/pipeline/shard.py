@@ -1,0 +1,194 @@
+"""One shard of a hand-object pair: plan, filter, simulate, measure, pack. Runs in a worker."""
+
+from __future__ import annotations
+
+import functools
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from gdg.cache import content_hash
+from gdg.config import RunConfig
+from gdg.data.dataset import write_shard
+from gdg.data.grasps import GraspSet
+from gdg.errors import GdgError
+from gdg.pipeline.counts import ShardCounts
+from gdg.pipeline.fingerprint import fingerprint
+from gdg.pipeline.jobs import SynthJob
+from gdg.pipeline.pair import Pair, generator_for
+
+#: Pairs that a worker keeps loaded: the one it works on, and the one before.
+PAIRS_KEPT = 2
+
+
+@dataclass(frozen=True)
+class PairTask:
+    """A hand-object pair, equal to others of the same content.
+
+    Attributes:
+        key: ``pair_key`` of the config, as the driver sees its files.
+        config: the pair's config.
+    """
+
+    key: str
+    config: RunConfig = field(compare=False, repr=False)
+
+
+@dataclass(frozen=True)
+class ShardTask:
+    """A shard to make.
+
+    Attributes:
+        pair: of which pair.
+        number: which of its shards, from 0.
+    """
+
+    pair: PairTask
+    number: int
+
+    @property
+    def key(self) -> str:
+        """The name of the shard: what it holds depends on nothing else."""
+        return shard_key(self.pair.key, self.number)
+
+
+@dataclass(frozen=True)
+class MadeShard:
+    """A shard on its way to the disk.
+
+    Attributes:
+        data: the Parquet file.
+        counts: what became of its candidates.
+    """
+
+    data: bytes
+    counts: ShardCounts
+
+
+def pair_key(config: RunConfig) -> str:
+    """The hash of everything that shapes the shards of a pair.
+
+    Raises:
+        GdgError: hand, object or protocol can't be found.
+    """
+    job: SynthJob = config.job
+    limits = (repr(job.max_penetration_mm), repr(job.max_self_penetration_mm))
+    return fingerprint(config, job.shard, *limits)
+
+
+def shard_key(key: str, number: int) -> str:
+    """16 hex digits that name a shard of a pair."""
+    return content_hash(key, number)[:16]
+
+
+def make_shard(task: ShardTask) -> MadeShard:
+    """Plans, filters, simulates and measures the grasps of one shard.
+
+    Memory stays bounded however many shards a worker makes: it holds ``PAIRS_KEPT`` pairs (hand,
+    object, components) and one shard, whose size is set by the ``shard`` option and the planner's
+    batch (Allegro with planner dfc, ``shard=32``: 0.6 GB, most of it libraries). The file depends
+    only on the task's key, but for the seconds in its provenance.
+
+    Raises:
+        GdgError: a mistake in what the user gave, or this worker sees other files than the driver.
+    """
+    pair, job = _loaded(task.pair), task.pair.config.job
+    seconds: dict[str, float] = {}
+    seed = _seed(pair) + task.number
+    with _timed(seconds, "plan"):
+        planned = pair.plan(job.shard, generator_for(seed), contact_maps=False)
+    with _timed(seconds, "filter"):
+        grasps, rejected = _clear(pair, planned, job)
+    with _timed(seconds, "simulate"):
+        tested = pair.simulate(grasps) if len(grasps) else grasps
+    with _timed(seconds, "measure"):
+        kept = tested if job.keep_failed else tested.select(tested.passed)
+        if len(kept):
+            kept = _measured(pair, kept)
+    told = planned.provenance
+    counts = ShardCounts(
+        candidates=told.get("candidates", len(planned)),
+        planned=len(planned),
+        tested=len(tested),
+        passed=len(tested.passed),
+        rejected={k: v for k, v in (Counter(told.get("rejected", {})) + rejected).items() if v},
+        failed=dict(Counter(verdict.failure for verdict in tested.verdicts if verdict.failure)),
+        seconds=seconds,
+    )
+    facts = {"shard": task.number, "shard_seed": seed, "job": _shaping(job), **counts.as_dict()}
+    if not len(kept):
+        facts["reason"] = f"no grasp passed; mostly {counts.commonest_loss() or 'none was found'}"
+    return MadeShard(_packed(task.key, replace(kept, contact_values=None), facts), counts)
+
+
+def forget_pairs() -> None:
+    """Lets go of the pairs that this process keeps loaded."""
+    _loaded.cache_clear()
+
+
+@functools.lru_cache(maxsize=PAIRS_KEPT)
+def _loaded(task: PairTask) -> Pair:
+    if pair_key(task.config) != task.key:
+        job = task.config.job
+        raise GdgError(
+            f"{job.hand} × {job.object}: the files of hand, object or protocol, or the version of "
+            f"a component, are not those with which the run began; start it again (on a cluster: "
+            f"with the same files and versions on every node)."
+        )
+    return Pair.load(task.config)
+
+
+def _seed(pair: Pair) -> int:
+    parts = (pair.job.seed, pair.obj.content_hash, pair.hand.hand.content_hash)
+    return int(content_hash(*parts)[:8], 16)
+
+
+def _shaping(job: SynthJob) -> dict[str, float | int]:
+    """Options of this command that shape a shard, for its provenance."""
+    return {
+        "grasps_per_shard": job.shard,
+        "max_penetration_mm": job.max_penetration_mm,
+        "max_self_penetration_mm": job.max_self_penetration_mm,
+    }
+
+
+def _clear(pair: Pair, grasps: GraspSet, job: SynthJob) -> tuple[GraspSet, Counter[str]]:
+    """The grasps without overlap by the exact collision shapes, and why the others went."""
+    from gdg.quality import exact_overlap
+
+    if not len(grasps):
+        return grasps, Counter()
+    overlap = exact_overlap(pair.hand, pair.obj, grasps)
+    # NaN compares as False, so it is rejected
+    outside = overlap.object_mm <= job.max_penetration_mm
+    apart = overlap.self_mm <= job.max_self_penetration_mm
+    rejected = Counter(
+        {
+            "penetration": int((~outside).sum()),
+            "self-penetration": int((outside & ~apart).sum()),
+        }
+    )
+    keep = [i for i, good in enumerate((outside & apart).tolist()) if good]
+    return grasps.select(keep), rejected
+
+
+def _measured(pair: Pair, grasps: GraspSet) -> GraspSet:
+    from gdg.quality import measure
+
+    return measure(pair.hand, pair.obj, grasps)
+
+
+def _packed(key: str, grasps: GraspSet, facts: dict[str, object]) -> bytes:
+    with tempfile.TemporaryDirectory(prefix="gdg-") as folder:
+        return write_shard(Path(folder), key, grasps, {**grasps.provenance, **facts}).read_bytes()
+
+
+@contextmanager
+def _timed(seconds: dict[str, float], stage: str) -> Iterator[None]:
+    started = time.perf_counter()
+    yield
+    seconds[stage] = time.perf_counter() - started

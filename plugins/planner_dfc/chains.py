@@ -1,0 +1,142 @@
+"""Markov chains of grasps: their state, and the steps that every sampler shares."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from typing import TypeVar
+
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+
+from .energy import Contacts, GraspEnergy, Terms, Touch
+
+#: Logits beyond this put a contact within 0.7 % of a region's edge; farther, they'd get stuck.
+MAX_PLACE = 5.0
+#: Forgetting factor of running means of gradients (DexGraspNet).
+GRADIENT_MEMORY = 0.98
+
+Rows = TypeVar("Rows", "Chains", Contacts, Terms, Touch)
+
+
+@dataclass(frozen=True)
+class Chains:
+    """State of all chains: where they are, their energy terms and its gradient there."""
+
+    q: Float[Tensor, "batch dof"]
+    contacts: Contacts
+    terms: Terms
+    q_gradient: Float[Tensor, "batch dof"]
+    place_gradient: Float[Tensor, "batch contact 2"]
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+
+def select(state: Rows, index: Int[Tensor, "kept"]) -> Rows:
+    """The chains at the given indices."""
+    return _per_tensor(lambda values: values[index], state)
+
+
+def choose(accept: Bool[Tensor, "batch"], new: Rows, old: Rows) -> Rows:
+    """Of each chain the new state where accepted, else the old one."""
+    return _per_tensor(
+        lambda a, b: torch.where(accept.reshape(-1, *(1,) * (a.ndim - 1)), a, b), new, old
+    )
+
+
+def _per_tensor(function, *states):  # type: ignore[no-untyped-def]
+    """Applies a function to every tensor of states of one class."""
+    changed = {}
+    for field in fields(states[0]):
+        values = [getattr(state, field.name) for state in states]
+        combine = (
+            function if isinstance(values[0], Tensor) else lambda *v: _per_tensor(function, *v)
+        )
+        changed[field.name] = combine(*values)
+    return replace(states[0], **changed)
+
+
+class ChainSteps:
+    """Evaluation, contact choice and Metropolis acceptance of chains.
+
+    Args:
+        energy: of one hand on one object.
+        generator: every random choice comes from it.
+
+    Attributes:
+        accepted: proposals that were accepted so far.
+        proposed: proposals so far.
+    """
+
+    def __init__(self, energy: GraspEnergy, generator: torch.Generator):
+        self.energy, self._generator = energy, generator
+        self.accepted = 0
+        self.proposed = 0
+
+    def evaluate(
+        self,
+        q: Tensor,
+        contacts: Contacts,
+        stride: int = 1,
+        hardness: float = 1.0,
+        margin_m: float = 0.0,
+    ) -> Chains:
+        """Energy terms and gradient at a state; a gradient that is not finite stays so in q."""
+        q = q.detach().requires_grad_(True)
+        place = contacts.place.detach().requires_grad_(True)
+        terms = self.energy.terms(q, Contacts(contacts.region, place), stride, margin_m)
+        total = self.energy.total(terms, hardness)
+        q_gradient, place_gradient = torch.autograd.grad(total.sum(), (q, place))
+        return Chains(
+            q.detach(),
+            Contacts(contacts.region, place.detach()),
+            _per_tensor(Tensor.detach, terms),
+            q_gradient,
+            place_gradient.nan_to_num(),
+        )
+
+    def metropolis(
+        self,
+        old: Chains,
+        new: Chains,
+        temperature: float | Float[Tensor, "batch"],
+        hardness: float = 1.0,
+    ) -> tuple[Chains, Bool[Tensor, "batch"]]:
+        """Accepts with probability min(1, exp((E − E')/T)); never a state that is not finite."""
+        before = self.energy.total(old.terms, hardness)
+        after = self.energy.total(new.terms, hardness)
+        drawn = self.uniform(len(old))
+        accept = drawn < torch.exp(((before - after) / temperature).clamp(max=0.0))
+        accept &= torch.isfinite(after) & torch.isfinite(new.q_gradient).all(-1)
+        self.accepted += int(accept.sum())
+        self.proposed += len(accept)
+        return choose(accept, new, old), accept
+
+    def random_contacts(self, *shape: int) -> Contacts:
+        """Random places, away from the edges, of random regions."""
+        regions = len(self.energy.hand.regions.corners)
+        region = (self.uniform(*shape) * regions).long()
+        return Contacts(region, 4 * self.uniform(*shape, 2) - 2)
+
+    def uniform(self, *shape: int) -> Tensor:
+        """Uniform numbers in [0, 1), on the hand's device."""
+        return torch.rand(*shape, generator=self._generator).to(self.energy.hand.device)
+
+    def normal(self, shape: Sequence[int]) -> Tensor:
+        """Standard normal numbers, on the hand's device."""
+        return torch.randn(*shape, generator=self._generator).to(self.energy.hand.device)
+
+
+def remember(mean: Tensor, value: Tensor) -> Tensor:
+    """The running mean with one more value."""
+    return GRADIENT_MEMORY * mean + (1 - GRADIENT_MEMORY) * value
+
+
+def mean_square(gradient: Tensor) -> Tensor:
+    """Mean over the chains whose gradient is finite, so that a bad one spoils no other."""
+    good = torch.isfinite(gradient).reshape(len(gradient), -1).all(-1)
+    if not good.any():
+        return torch.ones_like(gradient[:1])
+    return gradient[good].square().mean(0, keepdim=True)
