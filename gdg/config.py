@@ -99,7 +99,8 @@ def compose(
     for path in files:
         _merge(base, read_yaml_mapping(path))
     mistakes: list[str] = []
-    parsed = list(filter(None, [_parse_override(word, mistakes) for word in overrides]))
+    words = filter(None, [_parse_override(word, mistakes) for word in overrides])
+    parsed = list(dict(words).items())  # a key given again replaces its earlier sweep, too
     configs = []
     for values in itertools.product(*(alternatives for _, alternatives in parsed)):
         tree = _copy(base)

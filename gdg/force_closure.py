@@ -10,7 +10,7 @@ from torch import Tensor
 def net_wrench(
     points: Float[Tensor, "batch contact 3"],
     normals: Float[Tensor, "batch contact 3"],
-    length: float = 1.0,
+    length: float | Float[Tensor, "#batch 1"] = 1.0,
 ) -> Float[Tensor, "batch 6"]:
     """G c: the wrench of unit forces along the normals, per number of contacts.
 
@@ -21,7 +21,8 @@ def net_wrench(
         points: contact points relative to the object's centre of mass, metres.
         normals: unit normals of the object's surface at the points.
         length: torques are divided by this, metres, which makes them comparable to forces; 1
-            gives the source's raw sum. The object's radius is a natural choice.
+            gives the source's raw sum. The object's radius is a natural choice; one per batch
+            element where they hold several objects.
     """
     force = normals.mean(1)
     torque = torch.linalg.cross(points, normals).mean(1) / length
@@ -31,7 +32,7 @@ def net_wrench(
 def force_closure_error(
     points: Float[Tensor, "batch contact 3"],
     normals: Float[Tensor, "batch contact 3"],
-    length: float = 1.0,
+    length: float | Float[Tensor, "#batch 1"] = 1.0,
 ) -> Float[Tensor, "batch"]:
     """‖G c‖: zero when frictionless unit forces at the contacts balance; see ``net_wrench``."""
     return (net_wrench(points, normals, length).square().sum(-1) + 1e-12).sqrt()

@@ -148,6 +148,11 @@ def test_commas_sweep_and_two_sweeps_give_their_product():
     assert chosen == [("a", "aligned"), ("a", "euclidean"), ("b", "aligned"), ("b", "euclidean")]
 
 
+def test_a_key_given_again_replaces_its_earlier_sweep():
+    (config,) = run("hand=a,b", "hand=c", "distance=aligned,euclidean", "distance=euclidean")
+    assert (config.job.hand, config.components["distance"].record.name) == ("c", "euclidean")
+
+
 def test_options_and_components_sweep_together():
     configs = run("hand=a", "fitter.steps=1,2", "fitter=adam,first/mala")
     chosen = [(c.components["fitter"].name, c.as_tree()["fitter"]["steps"]) for c in configs]

@@ -13,9 +13,11 @@ from conftest import build_model
 from gripper import OPEN_M
 from torch import Tensor
 
+from gdg.geometry.sdf_stack import SdfStack
 from gdg.hands.hand import Hand, find_hand
 from gdg.initial_poses import above_surface
 from gdg.kinds.hand_model import HandModel
+from gdg.objects.batch import ObjectBatch
 from gdg.objects.model import ObjectModel, find_object, load_object
 from gdg.penetration import (
     eager,
@@ -197,3 +199,30 @@ def test_a_pose_that_is_not_finite_gives_nan_and_spoils_no_other(
         ):  # fmt: skip
             assert found[1].isnan()
             assert torch.equal(found[[0, 2]], wanted[[0, 2]])
+
+
+# -- several objects ---------------------------------------------------------------------------
+
+
+def test_each_of_several_objects_is_penetrated_by_its_own_hands(
+    gripper_model: HandModel, cube: ObjectModel, wall: ObjectModel
+):
+    objects = (cube, wall, cube)
+    Ts = torch.cat([scattered(gripper_model, obj, 8) for obj in objects])
+    together = value_and_gradient(
+        lambda T: penetration(gripper_model, ObjectBatch(objects), T).summed, Ts
+    )
+    alone = [
+        value_and_gradient(lambda T, obj=obj: penetration(gripper_model, obj, T).summed, part)
+        for obj, part in zip(objects, Ts.chunk(3))
+    ]
+    assert together[0].max() > 0.01
+    for part in (0, 1):
+        assert torch.equal(together[part], torch.cat([found[part] for found in alone]))
+    # as on a GPU
+    stack = SdfStack(tuple(obj.sdf for obj in objects), padded=True)
+    padded = value_and_gradient(
+        lambda T: eager.object_penetration(gripper_model, stack, T, 1)[0], Ts
+    )
+    torch.testing.assert_close(padded[0], together[0], rtol=1e-4, atol=1e-5)
+    torch.testing.assert_close(padded[1], together[1], rtol=1e-3, atol=5e-3)

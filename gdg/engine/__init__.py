@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 from gdg.engine.base import Engine, Outcome, TaskTimedOut, WorkersKilled
+from gdg.engine.pool import one
 
 __all__ = ["Engine", "Outcome", "TaskTimedOut", "WorkersKilled", "make_engine"]
 
@@ -15,6 +19,7 @@ def make_engine(
     timeout_s: float = 0.0,
     address: str = "",
     gpu: bool = False,
+    size: Callable[[Any], int] = one,
 ) -> Engine:
     """The engine called ``local`` or ``ray``.
 
@@ -25,6 +30,7 @@ def make_engine(
         timeout_s: a task that takes longer is stopped; 0 for no limit.
         address: of the Ray cluster; see ``RayEngine``.
         gpu: whether tasks use a GPU; Ray then places workers where there is one.
+        size: how many times ``timeout_s`` a task may take: the number of its parts, say.
 
     Raises:
         GdgError: Ray is not installed, or there is no cluster at the address.
@@ -32,7 +38,9 @@ def make_engine(
     if name == "ray":
         from gdg.engine.ray import RayEngine
 
-        return RayEngine(workers, threads=threads, timeout_s=timeout_s, address=address, gpu=gpu)
+        return RayEngine(
+            workers, threads=threads, timeout_s=timeout_s, address=address, gpu=gpu, size=size
+        )
     from gdg.engine.local import LocalEngine
 
-    return LocalEngine(workers, threads=threads, timeout_s=timeout_s)
+    return LocalEngine(workers, threads=threads, timeout_s=timeout_s, size=size)

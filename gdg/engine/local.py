@@ -16,7 +16,7 @@ from typing import Any
 
 from gdg.engine.answer import answer
 from gdg.engine.base import Outcome, Result, Task
-from gdg.engine.pool import News, Worker, WorkerPool, timed_out
+from gdg.engine.pool import News, Worker, WorkerPool, one, timed_out
 from gdg.engine.threads import limit_threads, usable_cores
 
 
@@ -30,10 +30,18 @@ class LocalEngine(WorkerPool):
         timeout_s: a task that takes longer is stopped; 0 for no limit. With one worker it is
             stopped at its next Python statement, and only where the system has timers (not on
             Windows) and this is the main thread.
+        size: how many times ``timeout_s`` a task may take.
     """
 
-    def __init__(self, workers: int = 0, *, threads: int = 1, timeout_s: float = 0.0):
-        super().__init__(timeout_s)
+    def __init__(
+        self,
+        workers: int = 0,
+        *,
+        threads: int = 1,
+        timeout_s: float = 0.0,
+        size: Callable[[Any], int] = one,
+    ):
+        super().__init__(timeout_s, size)
         self.workers = workers or usable_cores()
         self._threads = threads
 
@@ -51,12 +59,12 @@ class LocalEngine(WorkerPool):
         last: Task | None = None
         while (task := take(last)) is not None:
             last = task
-            before = limit_threads(self._threads)
+            before, limit = limit_threads(self._threads), self._limit_s(task)
             try:
-                with _alarm(self._timeout_s):
+                with _alarm(limit):
                     outcome = Outcome(task, function(task))
             except _Alarm:
-                outcome = Outcome(task, None, timed_out(self._timeout_s))
+                outcome = Outcome(task, None, timed_out(limit))
             except Exception as error:  # as a worker does: a bug in one leaves the others alone
                 outcome = Outcome(task, None, error)
             finally:

@@ -18,6 +18,11 @@ ATTEMPTS = 3
 TICK_S = 1.0
 
 
+def one(task: Any) -> int:
+    """The size of any task that is no group of others."""
+    return 1
+
+
 @dataclass(eq=False)
 class Worker:
     """One worker process, as its pool sees it.
@@ -64,10 +69,11 @@ class WorkerPool(Engine):
 
     Args:
         timeout_s: a task that takes longer is stopped by killing its worker; 0 for no limit.
+        size: how many times ``timeout_s`` a task may take.
     """
 
-    def __init__(self, timeout_s: float = 0.0):
-        self._timeout_s = timeout_s
+    def __init__(self, timeout_s: float = 0.0, size: Callable[[Any], int] = one):
+        self._timeout_s, self._size = timeout_s, size
         self._workers: list[Worker] = []
 
     def run(
@@ -151,11 +157,17 @@ class WorkerPool(Engine):
     def _overdue(self) -> Iterator[Outcome[Any, Any]]:
         """Stops tasks that took too long."""
         if self._timeout_s:
-            limit = time.monotonic() - self._timeout_s
-            for worker in [w for w in self._workers if w.task is not None and w.since < limit]:
-                self._workers.remove(worker)
-                self._kill(worker)
-                yield Outcome(worker.task, None, timed_out(self._timeout_s))
+            now = time.monotonic()
+            for worker in [w for w in self._workers if w.task is not None]:
+                limit = self._limit_s(worker.task)
+                if now - worker.since > limit:
+                    self._workers.remove(worker)
+                    self._kill(worker)
+                    yield Outcome(worker.task, None, timed_out(limit))
+
+    def _limit_s(self, task: Any) -> float:
+        """How long a task may take; 0 for no limit."""
+        return self._timeout_s * self._size(task)
 
     def _open(self) -> None:
         """Called before the first worker starts."""

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from gdg.engine.answer import answer
-from gdg.engine.pool import News, Worker, WorkerPool
+from gdg.engine.pool import News, Worker, WorkerPool, one
 from gdg.engine.threads import limit_threads, usable_cores
 from gdg.errors import GdgError
 
@@ -42,6 +42,7 @@ class RayEngine(WorkerPool):
             ``RAY_ADDRESS`` where it is set, else a Ray of its own on this machine, which ends
             with this process. A Ray that this process is connected to is used as it is.
         gpu: share the cluster's GPUs evenly among the actors.
+        size: how many times ``timeout_s`` a task may take.
     """
 
     def __init__(
@@ -52,8 +53,9 @@ class RayEngine(WorkerPool):
         timeout_s: float = 0.0,
         address: str = "",
         gpu: bool = False,
+        size: Callable[[Any], int] = one,
     ):
-        super().__init__(timeout_s)
+        super().__init__(timeout_s, size)
         self._wanted, self._threads, self._gpu = workers, threads, gpu
         self._address = address
         self._ours = False

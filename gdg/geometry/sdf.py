@@ -68,13 +68,18 @@ class SignedDistanceGrid:
 
     @cached_property
     def _gradient(self) -> Float[Tensor, "3 nx ny nz"]:
+        return self.gradient()
+
+    def gradient(self) -> Float[Tensor, "3 nx ny nz"]:
+        """Gradient of the distance at the nodes by central differences, made anew."""
         return torch.stack(torch.gradient(self.values, spacing=self.spacing))
 
     def _into_grid(self, points: Float[Tensor, "point 3"]) -> Float[Tensor, "point 3"]:
-        return torch.minimum(torch.maximum(points, self.origin), self.origin + self._extent)
+        return torch.minimum(torch.maximum(points, self.origin), self.origin + self.extent)
 
     @cached_property
-    def _extent(self) -> Float[Tensor, "3"]:
+    def extent(self) -> Float[Tensor, "3"]:
+        """Lengths of the grid's sides, metres."""
         shape = torch.tensor(self.values.shape, device=self.values.device)
         return self.spacing * (shape - 1)
 
@@ -84,7 +89,7 @@ class SignedDistanceGrid:
         # grid_sample works through one batch element per thread, so the points are cut in two
         pieces = 2 if len(points) % 2 == 0 and len(points) > 1 else 1
         # it wants coordinates in [-1, 1], the last axis of the field first
-        coordinates = (2.0 * (points - self.origin) / self._extent - 1.0).flip(-1)
+        coordinates = (2.0 * (points - self.origin) / self.extent - 1.0).flip(-1)
         sampled = torch.nn.functional.grid_sample(
             field.expand(pieces, *field.shape),
             coordinates.reshape(pieces, -1, 1, 1, 3),

@@ -9,12 +9,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gdg.geometry.sdf import SignedDistanceGrid
+from gdg.geometry.sdf_stack import SdfStack
 from gdg.kinds.hand_model import HandModel
+from gdg.objects.batch import ObjectBatch
 from gdg.objects.model import ObjectModel
 from gdg.penetration import eager
 from gdg.penetration.blocks import link_blocks
@@ -47,7 +49,7 @@ class Penetration:
 
 def penetration(
     hand: HandModel,
-    obj: ObjectModel,
+    obj: ObjectModel | ObjectBatch,
     Ts_world_link: Float[Tensor, "batch link 4 4"],
     stride: int = 1,
     margin_m: float = 0.0,
@@ -56,17 +58,16 @@ def penetration(
 
     Args:
         hand: the hand.
-        obj: the object, whose signed distance is δ.
+        obj: the object, whose signed distance is δ, or several, each with its share of the poses.
         Ts_world_link: link poses; metres.
         stride: only every so-manieth surface point is tested, and its term multiplied by
             ``stride``, so that the sum keeps its size.
         margin_m: the hand counts as so much thicker all around, metres.
     """
+    sdf = obj.sdf if isinstance(obj.sdf, SdfStack) else SdfStack.of([obj.sdf])
     if Ts_world_link.device.type == "cpu":
-        return Penetration(
-            *_ObjectPenetration.apply(Ts_world_link, hand, obj.sdf, stride, margin_m)
-        )
-    summed, depth = eager.object_penetration(hand, obj.sdf, Ts_world_link, stride, margin_m)
+        return Penetration(*_ObjectPenetration.apply(Ts_world_link, hand, sdf, stride, margin_m))
+    summed, depth = eager.object_penetration(hand, sdf, Ts_world_link, stride, margin_m)
     return Penetration(summed, depth.detach())
 
 
@@ -95,30 +96,37 @@ class _ObjectPenetration(torch.autograd.Function):
         ctx: Any,
         Ts: Tensor,
         hand: HandModel,
-        sdf: SignedDistanceGrid,
+        sdf: SdfStack,
         stride: int,
         margin_m: float,
     ) -> tuple[Tensor, Tensor]:
         from gdg.penetration import compiled  # compiles (or loads its cache) on import
 
         blocks = link_blocks(hand, stride)
-        summed, depth, gradient = compiled.object_penetration(
-            Ts.detach().float().contiguous().numpy(),
-            sdf.values.numpy(),
-            sdf.origin.numpy(),
-            sdf.spacing,
-            blocks.balls,
-            blocks.points,
-            blocks.point_starts,
-            blocks.spheres,
-            blocks.sphere_starts,
-            float(stride),
-            margin_m,
+        poses = sdf.split(Ts.detach().float().contiguous())
+        found = [
+            compiled.object_penetration(
+                own.numpy(),
+                grid.values.numpy(),
+                grid.origin.numpy(),
+                grid.spacing,
+                blocks.balls,
+                blocks.points,
+                blocks.point_starts,
+                blocks.spheres,
+                blocks.sphere_starts,
+                float(stride),
+                margin_m,
+            )
+            for grid, own in zip(sdf.grids, poses)
+        ]
+        summed, deepest, gradient = (
+            torch.from_numpy(parts[0] if len(parts) == 1 else np.concatenate(parts))
+            for parts in zip(*found)
         )
-        ctx.save_for_backward(torch.from_numpy(gradient))
-        deepest = torch.from_numpy(depth)
+        ctx.save_for_backward(gradient)
         ctx.mark_non_differentiable(deepest)
-        return torch.from_numpy(summed), deepest
+        return summed, deepest
 
     @staticmethod
     def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor, None, None, None, None]:

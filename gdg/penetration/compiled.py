@@ -117,7 +117,7 @@ def object_penetration(
     stride: float,
     margin: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Σ relu(m − δ) of points (times ``stride``) plus Σ relu(m + r − δ) of spheres, and the largest.
+    """Σ relu(m − δ) of points (× ``stride``) plus Σ relu(m + r − δ) of spheres, and the largest.
 
     Args:
         Ts: link poses, (batch, link, 4, 4), float32 like all that follow; metres.

@@ -94,6 +94,8 @@ class SynthJob(PairJob):
         out: folder of the dataset.
         engine: local (processes of this machine) or ray (a Ray cluster).
         workers: processes that share the shards; 0 for one per core.
+        objects_per_batch: shards of one hand, of as many objects, that a worker plans in one call,
+            which fills a GPU; 0 for 16 with device=cuda, else 1.
         ray_address: of the Ray cluster, e.g. auto; by default RAY_ADDRESS, else one of its own.
     """
 
@@ -110,4 +112,5 @@ class SynthJob(PairJob):
     out: str = "runs/synth"
     engine: Annotated[str, Field(pattern=r"^(local|ray)$")] = "local"
     workers: Annotated[int, Field(ge=0, le=65_536)] = 0
+    objects_per_batch: Annotated[int, Field(ge=0, le=1024)] = 0
     ray_address: str = ""

@@ -34,8 +34,12 @@ class Pair:
     components: Assembler
 
     @classmethod
-    def load(cls, config: RunConfig) -> Pair:
+    def load(cls, config: RunConfig, beside: Pair | None = None) -> Pair:
         """Loads hand and object and imports nothing else yet.
+
+        Args:
+            config: the pair's config.
+            beside: a pair with the same hand, components and device, which this one shares.
 
         Raises:
             GdgError: anything the user named that is missing or malformed.
@@ -43,9 +47,11 @@ class Pair:
         job: PairJob = config.job
         device = _device(job.device)
         load_protocol(job.protocol)  # a typo must be told before minutes of work
+        obj = find_object(job.object, job.object_scale).to(device)
+        if beside is not None:
+            return cls(config, job, beside.hand, obj, beside.components)
         choice = config.components["hand_model"]
         hand = choice.record.load()(choice.options, find_hand(job.hand), device)
-        obj = find_object(job.object, job.object_scale).to(device)
         return cls(config, job, hand, obj, Assembler(config.components))
 
     def plan(
@@ -68,17 +74,19 @@ class Pair:
         grasps = self.components.get("planner").plan(
             self.hand, self.obj, count, generator, progress
         )
-        seconds = {
-            **grasps.provenance.get("seconds", {}),
-            "plan": time.perf_counter() - started,
-        }
+        grasps = self.stamped(grasps, time.perf_counter() - started)
         if contact_maps and grasps.contact_values is None and len(grasps):
             maps = contact_map_of(
                 self.hand, self.obj, self.hand.q_of(grasps), self.components.get("distance")
             )
             grasps = replace(grasps, contact_values=maps.values.cpu())
+        return grasps
+
+    def stamped(self, grasps: GraspSet, seconds: float) -> GraspSet:
+        """What a planner gave, with where it came from and how long planning took."""
+        told = {**grasps.provenance.get("seconds", {}), "plan": seconds}
         return replace(
-            grasps, provenance={**grasps.provenance, **self.provenance(), "seconds": seconds}
+            grasps, provenance={**grasps.provenance, **self.provenance(), "seconds": told}
         )
 
     def simulate(self, grasps: GraspSet, progress: Progress | None = None) -> GraspSet:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import os
 from collections import deque
@@ -18,13 +19,13 @@ from gdg.hands.spec import read_spec
 from gdg.objects.spec import read_object_spec
 from gdg.pipeline.counts import ShardCounts, total
 from gdg.pipeline.jobs import SynthJob
-from gdg.pipeline.shard import PairTask, ShardTask, pair_key, shard_key
+from gdg.pipeline.shard import PairTask, ShardGroup, ShardTask, pair_key, shard_key
 
 #: Share of a shard that is taken to pass before anything is known of a pair.
 EXPECTED_YIELD = 0.5
 
 
-@dataclass
+@dataclass(eq=False)
 class PairState:
     """One hand-object pair: its shards on disk, those that are being made, and its end.
 
@@ -48,6 +49,7 @@ class PairState:
         reason: why it was given up, or "".
         error: the mistake or bug that ended it, if one did.
         timed_out: the shard that took too long, if one did.
+        alone: whether its shards are made one at a time, since a group with one of them failed.
     """
 
     task: PairTask
@@ -64,6 +66,7 @@ class PairState:
     reason: str = ""
     error: BaseException | None = None
     timed_out: int | None = None
+    alone: bool = False
     _give_up_at: int = 0
 
     @classmethod
@@ -153,6 +156,14 @@ class PairState:
         self.made = total([self.made, counts])
         self._advance()
 
+    def retry_alone(self, number: int, why: BaseException) -> None:
+        """Takes back a shard of a group that failed; it is made again by itself."""
+        self.running.discard(number)
+        if not self.alone:
+            reason = " ".join(f"{type(why).__name__}: {why}".split())
+            self.notes.append(f"made one shard at a time, since a batch failed: {reason}")
+        self.alone = True
+
     def end(self, reason: str = "", error: BaseException | None = None) -> None:
         """Nothing more is made of this pair."""
         self.ended, self.reason, self.error = True, reason, error
@@ -192,27 +203,41 @@ class PairState:
 class Schedule:
     """Hands out shards of many pairs so that no worker waits while there is something to do.
 
-    A worker stays with its pair, which it has loaded, as long as that pair needs more shards; then
-    it gets a pair that nobody has begun; then it helps where most is left to do.
+    A worker stays with its pairs, which it has loaded, as long as these need more shards; then
+    it gets pairs that nobody has begun; then it helps where most is left to do.
+
+    Args:
+        pairs: in the order in which they are begun.
+        group: shards that a worker gets at once, at most. They are of pairs with one hand and the
+            same settings, each of another pair while there are such, then further ones of these.
     """
 
-    def __init__(self, pairs: Sequence[PairState]):
+    def __init__(self, pairs: Sequence[PairState], group: int = 1):
         self._pairs = {pair.task: pair for pair in pairs}
         self._fresh = deque(pair for pair in pairs if not pair.ended)
         self._begun: list[PairState] = []
+        self._group = group
+        self._companies = {pair.task: _company(pair.task.config) for pair in pairs if group > 1}
 
-    def take(self, last: ShardTask | None) -> ShardTask | None:
-        """The next shard for a worker that made ``last``, or None when there is none (yet)."""
-        pair = self._choose(last)
-        return None if pair is None else pair.start()
+    def take(self, last: ShardGroup | None) -> ShardGroup | None:
+        """The next shards for a worker that made ``last``, or None when there are none (yet)."""
+        mine = [] if last is None else self.pairs_of(last)
+        first = self._choose(mine)
+        if first is None:
+            return None
+        tasks = [first.start()]
+        if self._group > 1 and not first.alone:
+            tasks += self._more(first, mine)
+        return ShardGroup(tuple(tasks))
 
-    def pair_of(self, task: ShardTask) -> PairState:
-        """The pair of a shard that was taken here."""
-        return self._pairs[task.pair]
+    def pairs_of(self, group: ShardGroup) -> list[PairState]:
+        """The pair of each shard of a group that was taken here."""
+        return [self._pairs[task.pair] for task in group.tasks]
 
-    def _choose(self, last: ShardTask | None) -> PairState | None:
-        if last is not None and (mine := self._pairs[last.pair]).wanted() > 0:
-            return mine
+    def _choose(self, mine: Sequence[PairState]) -> PairState | None:
+        for pair in mine:
+            if pair.wanted() > 0:
+                return pair
         while self._fresh:
             pair = self._fresh.popleft()
             if pair.wanted() > 0:
@@ -221,6 +246,34 @@ class Schedule:
         self._begun = [pair for pair in self._begun if not pair.ended]
         most = max(self._begun, key=PairState.wanted, default=None)
         return most if most is not None and most.wanted() > 0 else None
+
+    def _more(self, first: PairState, mine: Sequence[PairState]) -> Iterator[ShardTask]:
+        """Shards that go along with one of ``first``; they are running once they are given."""
+        together, room = [first], self._group - 1
+        for pair in [*mine, *self._fresh, *sorted(self._begun, key=PairState.wanted)[::-1]]:
+            if not room:
+                return
+            if pair.alone or pair in together or not self._suits(first, pair):
+                continue
+            if pair in self._fresh:
+                self._fresh.remove(pair)
+                self._begun.append(pair)
+            together.append(pair)
+            room -= 1
+            yield pair.start()
+        while room and (pair := max(together, key=PairState.wanted)).wanted() > 0:
+            room -= 1
+            yield pair.start()
+
+    def _suits(self, first: PairState, other: PairState) -> bool:
+        same = self._companies[first.task] == self._companies[other.task]
+        return same and other.wanted() > 0
+
+
+def _company(config: RunConfig) -> str:
+    """What pairs have in common that are planned in one call: all but the object and the seed."""
+    apart = ("object", "object_scale", "seed")
+    return json.dumps({k: v for k, v in config.as_tree().items() if k not in apart}, sort_keys=True)
 
 
 def read_counts(path: Path) -> ShardCounts | None:

@@ -1,12 +1,11 @@
-"""One shard of a hand-object pair: plan, filter, simulate, measure, pack. Runs in a worker."""
+"""Shards of hand-object pairs: plan, filter, simulate, measure, pack. Runs in a worker."""
 
 from __future__ import annotations
 
-import functools
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -21,8 +20,8 @@ from gdg.pipeline.fingerprint import fingerprint
 from gdg.pipeline.jobs import SynthJob
 from gdg.pipeline.pair import Pair, generator_for
 
-#: Pairs that a worker keeps loaded: the one it works on, and the one before.
-PAIRS_KEPT = 2
+#: Groups whose pairs a worker keeps loaded: the one it works on, and the one before.
+GROUPS_KEPT = 2
 
 
 @dataclass(frozen=True)
@@ -57,6 +56,23 @@ class ShardTask:
 
 
 @dataclass(frozen=True)
+class ShardGroup:
+    """Shards that are planned in one call: of one hand, on as many objects.
+
+    What a shard holds doesn't depend on the others of its group, as far as the planner keeps to
+    ``Planner.plan_many``.
+
+    Attributes:
+        tasks: at least one; their configs differ in the object and the seed at most.
+    """
+
+    tasks: tuple[ShardTask, ...]
+
+    def __len__(self) -> int:
+        return len(self.tasks)
+
+
+@dataclass(frozen=True)
 class MadeShard:
     """A shard on its way to the disk.
 
@@ -86,21 +102,45 @@ def shard_key(key: str, number: int) -> str:
 
 
 def make_shard(task: ShardTask) -> MadeShard:
-    """Plans, filters, simulates and measures the grasps of one shard.
+    """Plans, filters, simulates and measures the grasps of one shard; see ``make_shards``."""
+    return make_shards(ShardGroup((task,)))[0]
 
-    Memory stays bounded however many shards a worker makes: it holds ``PAIRS_KEPT`` pairs (hand,
-    object, components) and one shard, whose size is set by the ``shard`` option and the planner's
-    batch (Allegro with planner dfc, ``shard=32``: 0.6 GB, most of it libraries). The file depends
-    only on the task's key, but for the seconds in its provenance.
+
+def make_shards(group: ShardGroup) -> tuple[MadeShard, ...]:
+    """Plans the grasps of a group of shards; then filters, simulates and measures one by one.
+
+    Memory stays bounded however many shards a worker makes: it holds the pairs (hand, object,
+    components) of ``GROUPS_KEPT`` groups and the group's shards, whose size is set by the
+    ``shard`` option and the planner's batch (Allegro with planner dfc, ``shard=32``, one shard:
+    0.6 GB, most of it libraries; each further object some 40 MB). A file depends only on its
+    task's key, but for the seconds in its provenance.
 
     Raises:
         GdgError: a mistake in what the user gave, or this worker sees other files than the driver.
     """
-    pair, job = _loaded(task.pair), task.pair.config.job
-    seconds: dict[str, float] = {}
-    seed = _seed(pair) + task.number
-    with _timed(seconds, "plan"):
-        planned = pair.plan(job.shard, generator_for(seed), contact_maps=False)
+    pairs = _LOADED.pairs_of(group)
+    seeds = [_seed(pair) + task.number for pair, task in zip(pairs, group.tasks)]
+    planned = _planned(pairs, seeds, group.tasks[0].pair.config.job.shard)
+    made = zip(group.tasks, pairs, seeds, planned)
+    return tuple(_finished(task, pair, seed, grasps) for task, pair, seed, grasps in made)
+
+
+def _planned(pairs: Sequence[Pair], seeds: Sequence[int], count: int) -> list[GraspSet]:
+    """Grasps of each pair, with an even share of the seconds that a joint call took."""
+    first, generators = pairs[0], [generator_for(seed) for seed in seeds]
+    if len(pairs) == 1:
+        return [first.plan(count, generators[0], contact_maps=False)]
+    started = time.perf_counter()
+    objects = [pair.obj for pair in pairs]
+    found = first.components.get("planner").plan_many(first.hand, objects, count, generators)
+    seconds = (time.perf_counter() - started) / len(pairs)
+    return [pair.stamped(grasps, seconds) for pair, grasps in zip(pairs, found, strict=True)]
+
+
+def _finished(task: ShardTask, pair: Pair, seed: int, planned: GraspSet) -> MadeShard:
+    """The shard of what was planned for it."""
+    job: SynthJob = task.pair.config.job
+    seconds: dict[str, float] = {"plan": planned.provenance["seconds"]["plan"]}
     with _timed(seconds, "filter"):
         grasps, rejected = _clear(pair, planned, job)
     with _timed(seconds, "simulate"):
@@ -125,13 +165,36 @@ def make_shard(task: ShardTask) -> MadeShard:
     return MadeShard(_packed(task.key, replace(kept, contact_values=None), facts), counts)
 
 
+class _LoadedPairs:
+    """The pairs that this process keeps loaded, those used last at the end."""
+
+    def __init__(self) -> None:
+        self._pairs: dict[PairTask, Pair] = {}
+
+    def pairs_of(self, group: ShardGroup) -> list[Pair]:
+        """The pair of each shard; pairs that are loaded together share the hand."""
+        tasks = list(dict.fromkeys(task.pair for task in group.tasks))
+        beside: Pair | None = None
+        for task in tasks:
+            pair = self._pairs.pop(task, None) or _load(task, beside)
+            self._pairs[task] = beside = pair
+        for task in list(self._pairs)[: -GROUPS_KEPT * len(tasks)]:
+            del self._pairs[task]
+        return [self._pairs[task.pair] for task in group.tasks]
+
+    def clear(self) -> None:
+        self._pairs.clear()
+
+
+_LOADED = _LoadedPairs()
+
+
 def forget_pairs() -> None:
     """Lets go of the pairs that this process keeps loaded."""
-    _loaded.cache_clear()
+    _LOADED.clear()
 
 
-@functools.lru_cache(maxsize=PAIRS_KEPT)
-def _loaded(task: PairTask) -> Pair:
+def _load(task: PairTask, beside: Pair | None) -> Pair:
     if pair_key(task.config) != task.key:
         job = task.config.job
         raise GdgError(
@@ -139,7 +202,7 @@ def _loaded(task: PairTask) -> Pair:
             f"a component, are not those with which the run began; start it again (on a cluster: "
             f"with the same files and versions on every node)."
         )
-    return Pair.load(task.config)
+    return Pair.load(task.config, beside)
 
 
 def _seed(pair: Pair) -> int:

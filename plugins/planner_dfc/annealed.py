@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import torch
 from torch import Tensor
 
-from .chains import MAX_PLACE, Chains, ChainSteps, mean_square, remember, select
+from .chains import MAX_PLACE, Chains, ChainSteps, remember, select
 from .energy import Contacts, GraspEnergy
 from .options import DfcOptions
 
@@ -19,7 +19,7 @@ POLISH_SWEEPS, POLISH_TRIES = 3, 64
 
 
 class AnnealedMala(ChainSteps):
-    """Runs chains of one hand on one object.
+    """Runs chains of one hand on one or many objects.
 
     Proposals are x − 2 u s g/√E[g²] + ``noise`` s N(0, I) with u uniform in [0, 1]; a proposal is
     accepted with probability min(1, exp((E − E')/T)). Step s and temperature T decay geometrically
@@ -28,12 +28,14 @@ class AnnealedMala(ChainSteps):
     dropped early, and at the end nothing switches and penetration weighs more.
 
     Attributes:
-        starts: number of chains to start with.
+        starts: number of chains to start with, per object.
         steps: steps of one run.
     """
 
-    def __init__(self, energy: GraspEnergy, options: DfcOptions, generator: torch.Generator):
-        super().__init__(energy, generator)
+    def __init__(
+        self, energy: GraspEnergy, options: DfcOptions, generators: Sequence[torch.Generator]
+    ):
+        super().__init__(energy, generators)
         self._options = options
         self.starts = options.batch * options.oversample
         self.steps = options.steps
@@ -42,34 +44,39 @@ class AnnealedMala(ChainSteps):
         """Runs ``options.steps`` steps from q; gives the last states of the chains that are left.
 
         Args:
-            q: starts, (batch × oversample, dof).
+            q: starts, (object × batch × oversample, dof).
             report: called with the number of steps done.
         """
         o = self._options
         chains = self.evaluate(
             q, self.random_contacts(len(q), o.contacts), o.surface_stride, 1.0, o.clearance_m
         )
-        q_scale, place_scale = mean_square(chains.q_gradient), _flat(chains)
+        q_scale, place_scale = self._scales(chains)
         for step in range(o.steps):
             if step == int(o.cull_at * o.steps):
                 chains = self._best(chains, o.batch)
-            q_scale = remember(q_scale, mean_square(chains.q_gradient))
-            place_scale = remember(place_scale, _flat(chains))
+            q_now, place_now = self._scales(chains)
+            q_scale, place_scale = remember(q_scale, q_now), remember(place_scale, place_now)
             hardness = self._hardness(step)
             proposal = self._propose(chains, q_scale.sqrt(), place_scale.sqrt(), step, hardness)
             chains, _ = self.metropolis(chains, proposal, self._temperature(step), hardness)
             report(step + 1)
         return self._polish(chains)
 
+    def _scales(self, chains: Chains) -> tuple[Tensor, Tensor]:
+        """Mean squares of the gradients of each object's chains."""
+        return self.mean(chains.q_gradient.square()), self.flat_mean_square(chains.place_gradient)
+
     def _propose(
         self, chains: Chains, q_scale: Tensor, place_scale: Tensor, step: int, hardness: float
     ) -> Chains:
-        o = self._options
+        o, count = self._options, len(chains)
+        q_scale, place_scale = self.per_chain(q_scale, count), self.per_chain(place_scale, count)
         size = o.step_size * o.decay ** (step / o.step_period)
         # the steps vary between chains and times: some explore while others settle
-        factor = 2 * self.uniform(len(chains), 1)
+        factor = 2 * self.uniform(count, 1)
         move = factor * size * chains.q_gradient / (q_scale + 1e-6)
-        q = chains.q - move.clamp(-0.1, 0.1) + o.noise * size * self.normal(chains.q.shape)
+        q = chains.q - move.clamp(-0.1, 0.1) + o.noise * size * self.normal(*chains.q.shape)
         slide = chains.place_gradient / (place_scale + 1e-6)
         slide = LOGITS_PER_METRE * factor[..., None] * size * slide
         place = (chains.contacts.place - slide.clamp(-1, 1)).clamp(-MAX_PLACE, MAX_PLACE)
@@ -124,8 +131,12 @@ class AnnealedMala(ChainSteps):
         )
 
     def _best(self, chains: Chains, count: int) -> Chains:
+        """So many chains of each object, the lowest energy first."""
         energy = self.energy.total(chains.terms).nan_to_num(nan=torch.inf)
-        return select(chains, energy.argsort(stable=True)[:count])
+        of_object = self.energy.objects.per_object(energy)
+        first = of_object.shape[1] * torch.arange(len(of_object), device=energy.device)
+        best = of_object.argsort(dim=1, stable=True)[:, :count]
+        return select(chains, (first[:, None] + best).flatten())
 
     def _temperature(self, step: int) -> float:
         o = self._options
@@ -144,8 +155,3 @@ def _pick(tries: Contacts, best: Tensor) -> Contacts:
     return Contacts(
         tries.region.gather(1, index), tries.place.gather(1, index[..., None].expand(-1, -1, 2))
     )
-
-
-def _flat(chains: Chains) -> Tensor:
-    """One mean square for all places: a contact's slot means nothing."""
-    return mean_square(chains.place_gradient).mean()

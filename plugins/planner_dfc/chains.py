@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import TypeVar
 
@@ -22,7 +22,10 @@ Rows = TypeVar("Rows", "Chains", Contacts, Terms, Touch)
 
 @dataclass(frozen=True)
 class Chains:
-    """State of all chains: where they are, their energy terms and its gradient there."""
+    """State of all chains: where they are, their energy terms and its gradient there.
+
+    Those of several objects lie object by object, equally many each.
+    """
 
     q: Float[Tensor, "batch dof"]
     contacts: Contacts
@@ -61,18 +64,24 @@ def _per_tensor(function, *states):  # type: ignore[no-untyped-def]
 class ChainSteps:
     """Evaluation, contact choice and Metropolis acceptance of chains.
 
+    Chains of different objects know nothing of each other: what they share (gradient scales,
+    culling) they share with those of their own object, and random numbers come from its own
+    generator. So what an object gets is the same, but for rounding, whatever stands beside it.
+
     Args:
-        energy: of one hand on one object.
-        generator: every random choice comes from it.
+        energy: of one hand on one or many objects.
+        generators: one per object; every random choice for its chains comes from it.
 
     Attributes:
-        accepted: proposals that were accepted so far.
-        proposed: proposals so far.
+        accepted: of each object, proposals that were accepted so far.
+        proposed: proposals so far, of every object.
     """
 
-    def __init__(self, energy: GraspEnergy, generator: torch.Generator):
-        self.energy, self._generator = energy, generator
-        self.accepted = 0
+    def __init__(self, energy: GraspEnergy, generators: Sequence[torch.Generator]):
+        self.energy, self._generators = energy, generators
+        self.accepted: Int[Tensor, "object"] = torch.zeros(
+            len(generators), dtype=torch.long, device=energy.hand.device
+        )
         self.proposed = 0
 
     def evaluate(
@@ -110,33 +119,57 @@ class ChainSteps:
         drawn = self.uniform(len(old))
         accept = drawn < torch.exp(((before - after) / temperature).clamp(max=0.0))
         accept &= torch.isfinite(after) & torch.isfinite(new.q_gradient).all(-1)
-        self.accepted += int(accept.sum())
-        self.proposed += len(accept)
+        mine = self.energy.objects.per_object(accept)
+        self.accepted += mine.sum(-1)
+        self.proposed += mine.shape[1]
         return choose(accept, new, old), accept
 
-    def random_contacts(self, *shape: int) -> Contacts:
+    def random_contacts(self, chains: int, *shape: int) -> Contacts:
         """Random places, away from the edges, of random regions."""
         regions = len(self.energy.hand.regions.corners)
-        region = (self.uniform(*shape) * regions).long()
-        return Contacts(region, 4 * self.uniform(*shape, 2) - 2)
+        region = (self.uniform(chains, *shape) * regions).long()
+        return Contacts(region, 4 * self.uniform(chains, *shape, 2) - 2)
 
-    def uniform(self, *shape: int) -> Tensor:
-        """Uniform numbers in [0, 1), on the hand's device."""
-        return torch.rand(*shape, generator=self._generator).to(self.energy.hand.device)
+    def uniform(self, chains: int, *shape: int) -> Tensor:
+        """Uniform numbers in [0, 1), (chains, *shape), on the hand's device."""
+        return self._drawn(torch.rand, chains, shape)
 
-    def normal(self, shape: Sequence[int]) -> Tensor:
-        """Standard normal numbers, on the hand's device."""
-        return torch.randn(*shape, generator=self._generator).to(self.energy.hand.device)
+    def normal(self, chains: int, *shape: int) -> Tensor:
+        """Standard normal numbers, (chains, *shape), on the hand's device."""
+        return self._drawn(torch.randn, chains, shape)
+
+    def _drawn(
+        self, draw: Callable[..., Tensor], chains: int, shape: Sequence[int]
+    ) -> Float[Tensor, "batch *rest"]:
+        each = chains // len(self._generators)
+        parts = [draw(each, *shape, generator=generator) for generator in self._generators]
+        return torch.cat(parts).to(self.energy.hand.device)
+
+    def mean(self, values: Float[Tensor, "batch *rest"]) -> Float[Tensor, "object *rest"]:
+        """Mean over each object's chains with finite values, so that a bad one spoils no other.
+
+        1 where there is none.
+        """
+        good = torch.isfinite(values).reshape(len(values), -1).all(-1)
+        good = good.reshape(-1, *(1,) * (values.ndim - 1))
+        objects = self.energy.objects
+        summed = objects.per_object(torch.where(good, values, 0.0)).sum(1)
+        count = objects.per_object(good).sum(1)
+        return torch.where(count > 0, summed / count, 1.0)
+
+    def flat_mean_square(
+        self, gradient: Float[Tensor, "batch contact 2"]
+    ) -> Float[Tensor, "object 1 1"]:
+        """One mean square for all of an object's places: a contact's slot means nothing."""
+        return self.mean(gradient.square()).mean((1, 2), keepdim=True)
+
+    def per_chain(
+        self, values: Float[Tensor, "object *rest"], chains: int
+    ) -> Float[Tensor, "batch *rest"]:
+        """What belongs to objects, for each of so many chains in all."""
+        return self.energy.objects.per_hand(values, chains)
 
 
 def remember(mean: Tensor, value: Tensor) -> Tensor:
     """The running mean with one more value."""
     return GRADIENT_MEMORY * mean + (1 - GRADIENT_MEMORY) * value
-
-
-def mean_square(gradient: Tensor) -> Tensor:
-    """Mean over the chains whose gradient is finite, so that a bad one spoils no other."""
-    good = torch.isfinite(gradient).reshape(len(gradient), -1).all(-1)
-    if not good.any():
-        return torch.ones_like(gradient[:1])
-    return gradient[good].square().mean(0, keepdim=True)

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from gdg.force_closure import force_closure_error
 from gdg.kinds.hand_model import HandModel
-from gdg.objects.model import ObjectModel
+from gdg.objects.batch import ObjectBatch
 from gdg.penetration import penetration, self_penetration
 
 from .options import DfcOptions
@@ -73,11 +73,16 @@ class Terms:
 
 
 class GraspEnergy:
-    """E = w_fc ‖G c‖ + w_d Σ|δ(x)| + w_n Σ(1 + ⟨n_h, n_o⟩) + w_p E_p + w_s E_self + w_l E_n."""
+    """E = w_fc ‖G c‖ + w_d Σ|δ(x)| + w_n Σ(1 + ⟨n_h, n_o⟩) + w_p E_p + w_s E_self + w_l E_n.
 
-    def __init__(self, hand: HandModel, obj: ObjectModel, options: DfcOptions):
-        self.hand, self.obj, self.options = hand, obj, options
-        self._center = obj.center_of_mass.to(hand.device)
+    Args:
+        hand: one hand.
+        objects: one or many; each has its share of every batch (``ObjectBatch``).
+        options: the weights.
+    """
+
+    def __init__(self, hand: HandModel, objects: ObjectBatch, options: DfcOptions):
+        self.hand, self.objects, self.options = hand, objects, options
 
     def terms(
         self,
@@ -92,7 +97,7 @@ class GraspEnergy:
         """
         poses = self.hand.link_poses(q)
         touch = self.touch(poses, contacts)
-        inside = penetration(self.hand, self.obj, poses, stride, margin_m)
+        inside = penetration(self.hand, self.objects, poses, stride, margin_m)
         return Terms(
             force_closure=self.force_closure(touch),
             distance=touch.distances.sum(-1),
@@ -120,19 +125,30 @@ class GraspEnergy:
     def touch(self, Ts_world_link: Float[Tensor, "batch link 4 4"], contacts: Contacts) -> Touch:
         """Where contact points lie when the links are where they are."""
         local, link = self.contact_points_in_links(contacts)
-        hand, sdf = self.hand, self.obj.sdf
+        hand, sdf = self.hand, self.objects.sdf
         points = hand.place(Ts_world_link, local, link)
         outward = hand.turn(Ts_world_link, hand.regions.normals[contacts.region], link)
         return Touch(points, outward, sdf.normals(points), sdf.distance(points).abs())
 
     def force_closure(self, touch: Touch) -> Float[Tensor, "batch"]:
         """‖G c‖ / n, torques about the centre of mass divided by the object's radius."""
-        return force_closure_error(touch.points - self._center, touch.normals, self.obj.radius)
+        arms, radii = self._arms(touch)
+        return force_closure_error(arms, touch.normals, radii)
 
     def wrenches(self, touch: Touch) -> Float[Tensor, "batch contact 6"]:
         """Wrench of a unit force along the normal at each contact, torques as above."""
-        torques = torch.linalg.cross(touch.points - self._center, touch.normals)
-        return torch.cat((touch.normals, torques / self.obj.radius), dim=-1)
+        arms, radii = self._arms(touch)
+        torques = torch.linalg.cross(arms, touch.normals)
+        return torch.cat((touch.normals, torques / radii[:, None]), dim=-1)
+
+    def _arms(
+        self, touch: Touch
+    ) -> tuple[Float[Tensor, "batch contact 3"], Float[Tensor, "batch 1"]]:
+        """Contacts relative to their object's centre of mass, and its radius, metres."""
+        objects, batch = self.objects, len(touch.points)
+        centers = objects.per_hand(objects.centers_of_mass, batch)
+        radii = objects.per_hand(objects.radii[:, None], batch)
+        return touch.points - centers[:, None], radii
 
     def turned_away(self, touch: Touch) -> Float[Tensor, "batch contact"]:
         """1 + ⟨n_hand, n_object⟩: 0 where a pad faces the surface."""

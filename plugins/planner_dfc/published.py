@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import torch
 from torch import Tensor
 
-from .chains import MAX_PLACE, Chains, ChainSteps, mean_square, remember
+from .chains import MAX_PLACE, Chains, ChainSteps, remember
 from .energy import Contacts, GraspEnergy
 from .options import DfcOptions
 
@@ -31,8 +31,10 @@ class PublishedMala(ChainSteps):
     scales the hand instead.
     """
 
-    def __init__(self, energy: GraspEnergy, options: DfcOptions, generator: torch.Generator):
-        super().__init__(energy, generator)
+    def __init__(
+        self, energy: GraspEnergy, options: DfcOptions, generators: Sequence[torch.Generator]
+    ):
+        super().__init__(energy, generators)
         self._options = options
         self.starts = options.batch
         self.steps = options.steps + refinement_steps(options.steps)
@@ -41,12 +43,12 @@ class PublishedMala(ChainSteps):
         """Runs ``options.steps`` steps and then the refinement; gives the last states."""
         o = self._options
         chains = self.evaluate(q, self.random_contacts(len(q), o.contacts))
-        scale, place_scale = _mean_size(chains.q_gradient), _flat(chains)
+        scale, place_scale = self._scales(chains)
         rejected = torch.zeros(len(q), device=q.device)
         for step in range(self.steps):
             refining = step >= o.steps
-            scale = remember(scale, _mean_size(chains.q_gradient))
-            place_scale = remember(place_scale, _flat(chains))
+            now, place_now = self._scales(chains)
+            scale, place_scale = remember(scale, now), remember(place_scale, place_now)
             energy = self.energy.total(chains.terms)
             size = STEP + STEP_SLOPE * energy
             temperature: Tensor | float = TEMPERATURE + TEMPERATURE_SLOPE * energy
@@ -60,16 +62,25 @@ class PublishedMala(ChainSteps):
             report(step + 1)
         return chains
 
+    def _scales(self, chains: Chains) -> tuple[Tensor, Tensor]:
+        """E|g| per dimension of q, and one size for all places, of each object's chains."""
+        return (
+            self.mean(chains.q_gradient.abs()),
+            self.flat_mean_square(chains.place_gradient).sqrt(),
+        )
+
     def _propose(
         self, chains: Chains, scale: Tensor, place_scale: Tensor, size: Tensor, moves: Tensor
     ) -> Chains:
+        count = len(chains)
+        scale, place_scale = self.per_chain(scale, count), self.per_chain(place_scale, count)
         drift = 0.5 * size.square() * chains.q_gradient / (scale + 1e-6)
-        q = chains.q - drift + NOISE * size * self.normal(chains.q.shape)
+        q = chains.q - drift + NOISE * size * self.normal(*chains.q.shape)
         slide = chains.place_gradient / (place_scale + 1e-6)
         slide = 0.5 * size[..., None].square() * slide
         place = (chains.contacts.place - slide).clamp(-MAX_PLACE, MAX_PLACE)
-        slot = (self.uniform(len(moves)) * self._options.contacts).long()
-        switched = chains.contacts.with_one(slot, ~moves, self.random_contacts(len(moves), 1))
+        slot = (self.uniform(count) * self._options.contacts).long()
+        switched = chains.contacts.with_one(slot, ~moves, self.random_contacts(count, 1))
         return self.evaluate(
             torch.where(moves[:, None], q, chains.q),
             Contacts(
@@ -82,13 +93,3 @@ class PublishedMala(ChainSteps):
 def refinement_steps(steps: int) -> int:
     """Refinement steps that go with so many steps: the published proportion."""
     return max(1, round(steps * REFINEMENT_STEPS / PUBLISHED_STEPS))
-
-
-def _mean_size(gradient: Tensor) -> Tensor:
-    """E|g| over the chains whose gradient is finite, per dimension."""
-    good = torch.isfinite(gradient).all(-1)
-    return gradient[good].abs().mean(0, keepdim=True) if good.any() else gradient[:1] * 0 + 1
-
-
-def _flat(chains: Chains) -> Tensor:
-    return mean_square(chains.place_gradient).mean().sqrt()

@@ -36,6 +36,7 @@ from gdg.kinds.distance import Distance
 from gdg.kinds.hand_model import HandModel
 from gdg.nearest import EPSILON_M, nearest_hand_points
 from gdg.nearest.eager import nearest_exhaustive
+from gdg.objects.batch import ObjectBatch
 from gdg.objects.model import ObjectModel, find_object
 from gdg.registry import get_registry
 from gdg.starts import prepare
@@ -146,7 +147,7 @@ def test_full_fit(benchmark: Any, scene: Scene):
 def test_force_closure_step(benchmark: Any, scene: Scene):
     options = DfcOptions()
     benchmark.group = f"one step of force closure, {CHAINS} chains"
-    energy = GraspEnergy(scene.hand, scene.obj, options)
+    energy = GraspEnergy(scene.hand, ObjectBatch([scene.obj]), options)
     generator = torch.Generator().manual_seed(0)
     q = above_surface(scene.hand, scene.obj, CHAINS, generator).requires_grad_(True)
     shape = (CHAINS, options.contacts)

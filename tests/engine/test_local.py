@@ -84,6 +84,13 @@ def test_a_task_that_takes_too_long_is_stopped(workers: int):
     assert str(found[300].error) == "took longer than 1 s"
 
 
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_larger_task_may_take_longer(workers: int):
+    engine = make_engine("local", workers, timeout_s=0.25, size=lambda seconds: 1 + 100 * seconds)
+    outcomes = list(engine.run(time.sleep, each([0.5, 0.4])))
+    assert [outcome.error for outcome in outcomes] == [None, None]
+
+
 def test_leaving_early_stops_the_workers():
     outcomes = LocalEngine(2).run(time.sleep, each([0, 300, 300]))
     assert next(outcomes) == Outcome(0, None)

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 import torch
+from gdg_plugins.planner_dfc.planner import DfcPlanner
 from gdg_plugins.simulator_sapien.simulator import SapienSimulator
 from gripper import write_gripper
 
@@ -20,9 +21,9 @@ from gdg.data.dataset import read_shard, shards
 from gdg.errors import GdgError
 from gdg.pipeline.fingerprint import fingerprint
 from gdg.pipeline.jobs import SYNTH_DEFAULTS, SynthJob
-from gdg.pipeline.schedule import PairState
+from gdg.pipeline.schedule import PairState, Schedule
 from gdg.pipeline.shard import make_shard, pair_key
-from gdg.pipeline.synth import run_synth
+from gdg.pipeline.synth import objects_per_batch, run_synth
 from gdg.protocols import FOLDER as PRESETS
 from gdg.yaml_files import parse_yaml
 
@@ -393,3 +394,121 @@ def test_files_are_hashed_once_however_many_pairs_share_them(
     seen = len(read)
     assert pair_key(config) == key
     assert len(read) == seen
+
+
+# -- batches of many objects -------------------------------------------------------------------
+
+THREE = (
+    *WORDS, "object=cube_small,cube_medium,apple", "planner.batch=8", "planner.steps=2",
+)  # fmt: skip
+
+
+@pytest.fixture
+def batches(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
+    """Names of the objects of each joint call of the planner."""
+    seen, original = [], DfcPlanner.plan_many
+
+    def plan_many(self, hand, objects, count, generators, progress=None):
+        seen.append([obj.name for obj in objects])
+        return original(self, hand, objects, count, generators, progress)
+
+    monkeypatch.setattr(DfcPlanner, "plan_many", plan_many)
+    return seen
+
+
+def test_a_batch_of_objects_makes_the_shards_that_each_makes_alone(
+    configs, calls, batches, tmp_path: Path
+):
+    results = {}
+    for size in (1, 3):
+        out = tmp_path / str(size)
+        found, _ = run_synth(configs(SynthJob, *THREE, f"objects_per_batch={size}", f"out={out}"))
+        results[size] = [made(result) for result in found]
+    assert results[1] == results[3] == [(4, 8, 16, "")] * 3
+    # two shards of three objects: one by one, then three at a time
+    names = ["cube_small", "cube_medium", "apple"]
+    assert sorted(map(len, batches)) == [1] * 6 + [3] * 2
+    assert [sorted(batch) for batch in batches if len(batch) == 3] == [sorted(names)] * 2
+    alone, together = shards(tmp_path / "1"), shards(tmp_path / "3")
+    assert [info.key for info in alone] == [info.key for info in together]
+    for one, other in zip(alone, together):
+        grasps, same = read_shard(one.path), read_shard(other.path)
+        torch.testing.assert_close(grasps.poses, same.poses, rtol=0, atol=1e-6)
+        torch.testing.assert_close(grasps.joints, same.joints, rtol=0, atol=1e-6)
+        assert grasps.object_name == same.object_name
+        assert other.provenance["object_hash"] == one.provenance["object_hash"]
+        assert set(other.provenance["seconds"]) == set(one.provenance["seconds"])
+
+
+def test_a_run_in_batches_goes_on_where_it_stopped(
+    configs, calls, batches, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+):
+    words = (*THREE, "objects_per_batch=2", f"out={tmp_path}")
+    original, written = PairState.finish, []
+
+    def finish(self, *what):
+        if len(written) == 3:
+            raise KeyboardInterrupt
+        written.append(self.object_name)
+        original(self, *what)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(PairState, "finish", finish)
+        with pytest.raises(KeyboardInterrupt):
+            run_synth(configs(SynthJob, *words))
+    assert len(shards(tmp_path)) == 3
+    batches.clear()
+    found, _ = run_synth(configs(SynthJob, *words))
+    assert [result.passed for result in found] == [4, 4, 4]
+    # nothing is made twice: three of six shards are missing
+    assert sum(map(len, batches)) == 3
+    assert len(shards(tmp_path)) == 6
+
+
+def test_a_batch_has_one_hand_and_one_set_of_options(configs, tmp_path: Path):
+    words = ("hand=barrett,ezgripper", "planner.steps=1,2", "seed=0,1", "n=3", f"out={tmp_path}")
+    pairs = [PairState.open(config) for config in configs(SynthJob, *THREE, *words)]
+    schedule, sizes, taken = Schedule(pairs, 5), [], []
+    while (group := schedule.take(None)) is not None:
+        configs_of = [task.pair.config for task in group.tasks]
+        assert len({config.job.hand for config in configs_of}) == 1
+        assert len({config.components["planner"].options.steps for config in configs_of}) == 1
+        sizes.append((len(group), len({task.pair for task in group.tasks})))
+        taken += [task.key for task in group.tasks]
+    # of each hand and option, six pairs (object, seed) want two shards each
+    assert sorted(sizes) == [(2, 2)] * 4 + [(5, 5)] * 8
+    assert len(set(taken)) == len(taken) == 2 * len(pairs)
+    assert {pair.wanted() for pair in pairs} == {0}
+
+
+def test_a_batch_that_fails_is_made_again_one_by_one(
+    configs, calls, batches, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+):
+    answers = SapienSimulator.simulate
+
+    def broken(self, hand, obj, grasps, protocol, progress=None):
+        if obj.name == "cube_small":
+            raise GdgError("cube_small can't be simulated.")
+        return answers(self, hand, obj, grasps, protocol, progress)
+
+    words = (*THREE, "objects_per_batch=3", f"out={tmp_path}")
+    with monkeypatch.context() as patch:
+        patch.setattr(SapienSimulator, "simulate", broken)
+        with pytest.raises(GdgError, match=r"^cube_small can't be simulated\.$"):
+            run_synth(configs(SynthJob, *words))
+    assert {info.object_name for info in shards(tmp_path)} == {"cube_medium", "apple"}
+    record = json.loads((tmp_path / "synth.json").read_text())
+    assert record["objects_per_batch"] == 3
+    assert {p["object"]: p["passed"] for p in record["pairs"]} == {
+        "cube_small": 0, "cube_medium": 4, "apple": 4
+    }  # fmt: skip
+    found, _ = run_synth(configs(SynthJob, *words))
+    assert [result.passed for result in found] == [4, 4, 4]
+
+
+def test_gpus_get_batches_by_themselves(configs):
+    for words, size in (
+        ((), 1), (("device=cuda",), 16), (("device=cuda:1", "objects_per_batch=3"), 3),
+    ):  # fmt: skip
+        (config,) = configs(SynthJob, *WORDS, *words)
+        assert objects_per_batch(config.job) == size

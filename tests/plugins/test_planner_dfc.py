@@ -11,7 +11,7 @@ import torch
 import trimesh
 from conftest import build_model
 from gdg_plugins.planner_dfc.annealed import AnnealedMala
-from gdg_plugins.planner_dfc.chains import MAX_PLACE, Chains, ChainSteps, mean_square
+from gdg_plugins.planner_dfc.chains import MAX_PLACE, Chains, ChainSteps
 from gdg_plugins.planner_dfc.energy import Contacts, GraspEnergy
 from gdg_plugins.planner_dfc.options import DfcOptions
 from gdg_plugins.planner_dfc.planner import DfcPlanner
@@ -19,11 +19,15 @@ from gdg_plugins.planner_dfc.published import PublishedMala
 from gripper import OPEN_M, write_gripper
 from torch import Tensor
 
+from gdg.data.grasps import GraspSet
 from gdg.errors import GdgError
+from gdg.geometry.sdf_stack import SdfStack
 from gdg.hands.hand import find_hand, load_hand
 from gdg.initial_poses import above_surface
 from gdg.kinds.hand_model import HandModel
-from gdg.objects.model import ObjectModel, load_object
+from gdg.kinds.planner import Planner
+from gdg.objects.batch import ObjectBatch
+from gdg.objects.model import ObjectModel, find_object, load_object
 from gdg.rotations import q_from_pose
 
 TOUCHING_M = OPEN_M - 0.02
@@ -52,7 +56,7 @@ def planner(**options: object) -> DfcPlanner:
 
 @pytest.fixture(scope="module")
 def energy(gripper_model: HandModel, cube: ObjectModel) -> GraspEnergy:
-    return GraspEnergy(gripper_model, cube, DfcOptions(contacts=2))
+    return GraspEnergy(gripper_model, ObjectBatch([cube]), DfcOptions(contacts=2))
 
 
 # -- energy ------------------------------------------------------------------------------------
@@ -87,7 +91,7 @@ def test_contacts_on_one_jaw_do_not_close_the_force(energy: GraspEnergy):
     assert terms.force_closure.item() == pytest.approx(1, abs=0.01)
 
 
-def test_offset_contacts_are_a_torque_per_radius(energy: GraspEnergy):
+def test_offset_contacts_are_a_torque_per_radius(energy: GraspEnergy, cube: ObjectModel):
     # 10 mm up on one jaw and down on the other: a torque of 0.01 m, on average of two contacts
     place = torch.zeros(1, 2, 2)
     share = 0.5 + 0.01 / 0.05
@@ -97,7 +101,7 @@ def test_offset_contacts_are_a_torque_per_radius(energy: GraspEnergy):
     terms = energy.terms(pose(TOUCHING_M), Contacts(torch.tensor([[0, 1]]), place))
     z = terms.touch.points[0, :, 2]
     torch.testing.assert_close(z, torch.tensor([0.01, -0.01]), rtol=0, atol=1e-4)
-    assert terms.force_closure.item() == pytest.approx(0.01 / energy.obj.radius, rel=0.05)
+    assert terms.force_closure.item() == pytest.approx(0.01 / cube.radius, rel=0.05)
 
 
 def test_pads_turned_away_are_noticed(energy: GraspEnergy):
@@ -124,7 +128,7 @@ def test_contact_points_lie_in_their_regions(
     gripper_model: HandModel, cube: ObjectModel, name: str
 ):
     hand = gripper_model if name == "two_jaws" else build_model(find_hand(name))
-    energy = GraspEnergy(hand, cube, DfcOptions())
+    energy = GraspEnergy(hand, ObjectBatch([cube]), DfcOptions())
     regions = len(hand.regions.corners)
     region = torch.randint(regions, (20, 4), generator=seeded())
     place = MAX_PLACE * (2 * torch.rand(20, 4, 2, generator=seeded()) - 1)
@@ -146,14 +150,14 @@ def test_contact_points_lie_in_their_regions(
 
 def chains_of(energy: GraspEnergy, **options: object) -> tuple[AnnealedMala, Chains]:
     made = DfcOptions(**{"contacts": 2, **options})
-    mala = AnnealedMala(GraspEnergy(energy.hand, energy.obj, made), made, seeded())
-    start = above_surface(energy.hand, energy.obj, 16, seeded())
+    mala = AnnealedMala(GraspEnergy(energy.hand, energy.objects, made), made, [seeded()])
+    start = above_surface(energy.hand, energy.objects.objects[0], 16, seeded())
     return mala, mala.evaluate(start, mala.random_contacts(16, made.contacts))
 
 
 def propose(mala: AnnealedMala, chains: Chains, step: int = 0) -> Chains:
-    scale = mean_square(chains.q_gradient).sqrt()
-    return mala._propose(chains, scale, mean_square(chains.place_gradient).mean().sqrt(), step, 1.0)
+    q_scale, place_scale = mala._scales(chains)
+    return mala._propose(chains, q_scale.sqrt(), place_scale.sqrt(), step, 1.0)
 
 
 def warmer(chains: Chains, difference: Tensor | float) -> Chains:
@@ -183,7 +187,7 @@ def test_a_cold_chain_takes_only_what_is_better(energy: GraspEnergy):
     assert torch.equal(chosen.contacts.region[better], proposal.contacts.region[better])
     assert torch.equal(chosen.contacts.place[~better], chains.contacts.place[~better])
     assert torch.equal(chosen.terms.touch.points[better], proposal.terms.touch.points[better])
-    assert (mala.accepted, mala.proposed) == (int(better.sum()), 16)
+    assert (int(mala.accepted), mala.proposed) == (int(better.sum()), 16)
 
 
 def test_a_hot_chain_takes_everything_finite(energy: GraspEnergy):
@@ -204,15 +208,15 @@ def test_a_worse_state_is_taken_as_often_as_metropolis_says(energy: GraspEnergy)
     worse = warmer(chains, 1.0)
     for _ in range(200):
         mala.metropolis(chains, worse, temperature=2.0)
-    assert mala.accepted / mala.proposed == pytest.approx(math.exp(-0.5), abs=0.03)
+    assert int(mala.accepted) / mala.proposed == pytest.approx(math.exp(-0.5), abs=0.03)
 
 
 @pytest.mark.parametrize("sampler", [AnnealedMala, PublishedMala])
 def test_a_particle_that_is_not_finite_spoils_no_other(energy: GraspEnergy, sampler: type):
     options = DfcOptions(contacts=2, steps=12, batch=16, oversample=1)
-    start = above_surface(energy.hand, energy.obj, 16, seeded())
+    start = above_surface(energy.hand, energy.objects.objects[0], 16, seeded())
     start[5, 0] = math.nan
-    found = sampler(energy, options, seeded()).run(start, lambda step: None)
+    found = sampler(energy, options, [seeded()]).run(start, lambda step: None)
     finite = torch.isfinite(found.q).all(-1)
     assert finite.sum() == 15
     assert torch.isfinite(energy.total(found.terms)).sum() == 15
@@ -247,9 +251,11 @@ def test_the_cost_of_a_switch_is_the_energy_that_it_changes(energy: GraspEnergy)
 
 def test_the_worst_chains_are_dropped_early(energy: GraspEnergy):
     options = DfcOptions(contacts=2, steps=10, batch=8, oversample=4, cull_at=0.5)
-    mala = AnnealedMala(energy, options, seeded())
+    mala = AnnealedMala(energy, options, [seeded()])
     assert mala.starts == 32
-    left = mala.run(above_surface(energy.hand, energy.obj, 32, seeded()), lambda step: None)
+    left = mala.run(
+        above_surface(energy.hand, energy.objects.objects[0], 32, seeded()), lambda step: None
+    )
     assert len(left) == 8
     assert mala.proposed == 5 * 32 + 5 * 8
 
@@ -265,7 +271,7 @@ def test_penetration_weighs_more_as_the_chains_settle(energy: GraspEnergy):
 def test_steps_lower_the_energy(energy: GraspEnergy, sampler: type, steps: int):
     options = DfcOptions(contacts=2, steps=steps, batch=16, oversample=1, hardening=1.0)
     _, chains = chains_of(energy)
-    after = sampler(energy, options, seeded()).run(chains.q, lambda step: None)
+    after = sampler(energy, options, [seeded()]).run(chains.q, lambda step: None)
     assert energy.total(after.terms).median() < 0.8 * energy.total(chains.terms).median()
 
 
@@ -330,3 +336,83 @@ def test_a_hand_without_contact_regions_is_refused(cube: ObjectModel, tmp_path: 
     hand = build_model(load_hand(folder))
     with pytest.raises(GdgError, match=r"two_jaws.*contact_regions"):
         planner().plan(hand, cube, 1, seeded())
+
+
+# -- many objects ------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def objects(cube: ObjectModel) -> list[ObjectModel]:
+    return [cube, find_object("apple"), cube]
+
+
+def assert_close(found: GraspSet, wanted: GraspSet, tolerance: float) -> None:
+    assert found.provenance == wanted.provenance
+    assert found.object_name == wanted.object_name
+    torch.testing.assert_close(found.poses, wanted.poses, rtol=0, atol=tolerance)
+    torch.testing.assert_close(found.joints, wanted.joints, rtol=0, atol=tolerance)
+    assert found.energies.keys() == wanted.energies.keys()
+
+
+# thresholds that objects meet after different numbers of batches
+@pytest.mark.parametrize(("sampler", "threshold"), [("annealed", 0.1), ("published", 0.7)])
+def test_an_object_gets_the_same_grasps_alone_and_among_others(
+    gripper_model: HandModel, objects: list[ObjectModel], sampler: str, threshold: float
+):
+    options = {**LENIENT, "max_force_closure": threshold}
+    made = planner(sampler=sampler, steps=6, batch=8, max_batches=3, **options)
+    seeds = range(len(objects))
+    together = made.plan_many(gripper_model, objects, 4, [seeded(s) for s in seeds])
+    for seed, obj, found in zip(seeds, objects, together):
+        assert_close(found, made.plan(gripper_model, obj, 4, seeded(seed)), 1e-6)
+    assert len({found.provenance["candidates"] for found in together}) > 1
+    # two of one object differ by their generators
+    assert not torch.equal(together[0].poses, together[2].poses)
+
+
+def test_padded_grids_as_on_a_gpu_give_the_same_grasps(
+    gripper_model: HandModel, objects: list[ObjectModel], monkeypatch: pytest.MonkeyPatch
+):
+    made = planner(steps=3, batch=8, max_batches=1, **LENIENT)
+    wanted = made.plan_many(gripper_model, objects, 4, [seeded(s) for s in range(3)])
+    padded = classmethod(lambda cls, grids: cls(tuple(grids), len(grids) > 1))
+    monkeypatch.setattr(SdfStack, "of", padded)
+    found = made.plan_many(gripper_model, objects, 4, [seeded(s) for s in range(3)])
+    for one, other in zip(found, wanted):
+        assert_close(one, other, 1e-4)
+
+
+def test_one_after_the_other_is_what_a_planner_does_by_itself(
+    gripper_model: HandModel, objects: list[ObjectModel]
+):
+    made, told = planner(steps=2, batch=8, max_batches=1, **LENIENT), []
+    one_by_one = Planner.plan_many(
+        made, gripper_model, objects, 2, [seeded()] * 3, lambda done, total: told.append(done)
+    )
+    assert told == [1, 2, 3, 4, 5, 6]
+    assert len(one_by_one) == 3
+    assert_close(one_by_one[0], made.plan(gripper_model, objects[0], 2, seeded()), 0.0)
+    with pytest.raises(ValueError, match="argument"):
+        made.plan_many(gripper_model, objects, 2, [seeded()])
+
+
+def test_every_object_keeps_its_own_best_chains(
+    gripper_model: HandModel, objects: list[ObjectModel]
+):
+    options = DfcOptions(contacts=2, steps=1)
+    mala = AnnealedMala(
+        GraspEnergy(gripper_model, ObjectBatch(objects[:2]), options), options, [seeded(), seeded()]
+    )
+    starts = [above_surface(gripper_model, obj, 8, seeded()) for obj in objects[:2]]
+    chains = mala.evaluate(torch.cat(starts), mala.random_contacts(16, 2))
+    best = mala._best(chains, 3)
+    for part, kept in zip(total(mala, chains).chunk(2), total(mala, best).chunk(2)):
+        torch.testing.assert_close(kept, part.sort().values[:3])
+    # and scales of its own: those of its chains that are finite
+    chains.q_gradient[3] = math.nan
+    mean = mala.mean(chains.q_gradient.square())
+    others = [0, 1, 2, 4, 5, 6, 7]
+    torch.testing.assert_close(mean[0], chains.q_gradient[others].square().mean(0))
+    torch.testing.assert_close(mean[1], chains.q_gradient[8:].square().mean(0))
+    chains.q_gradient[:8] = math.nan
+    assert (mala.mean(chains.q_gradient)[0] == 1).all()

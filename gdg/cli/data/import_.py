@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
+import gdg.data
 from gdg.cli.data.finding import finds_hands_and_objects, layouts_help, lookup_of
 from gdg.data.layouts import LAYOUTS, detect_layout
 from gdg.errors import GdgError, raise_if_any
@@ -14,6 +15,8 @@ from gdg.errors import GdgError, raise_if_any
 if TYPE_CHECKING:
     from gdg.data.layouts.lookup import Lookup
 
+#: The word for the compact file that comes with gdg, and that file.
+BUNDLED, BUNDLED_FILE = "bundled", Path(gdg.data.__path__[0]) / "bundled" / "grasps.parquet"
 #: A file of many objects may give as many notes.
 MAX_NOTES = 20
 _HELP = """Make a gdg dataset of FILES (or folders of them) in another layout.
@@ -22,13 +25,21 @@ A hand must be the one that the files were made with: joints are matched by name
 name them (for the five hands of MultiDex gdg knows the names), otherwise taken in the order of the
 chain, and poses are of the hand's root link. Hands and objects that are not found are listed at the
 end (exit code 2); everything else is imported. The same command again goes on where it stopped.
-Files are never run: what holds more than numbers and names is refused.
+Files are never run: what holds more than numbers and names is refused. The word "bundled" stands
+for the compact file of tested grasps that comes with gdg.
 """
+
+
+class _Files(click.Path):
+    """An existing path, or the word for the bundled file."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        return BUNDLED_FILE if value == BUNDLED else super().convert(value, param, ctx)
 
 
 @click.command("import", help=f"{_HELP}\n\b\nLayouts:\n\n{layouts_help()}")
 @click.argument(
-    "files", nargs=-1, required=True, type=click.Path(exists=True, path_type=Path), metavar="FILES"
+    "files", nargs=-1, required=True, type=_Files(exists=True, path_type=Path), metavar="FILES"
 )
 @click.option("--layout", type=click.Choice(list(LAYOUTS)), help="By default told by the names.")
 @click.option(
