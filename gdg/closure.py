@@ -9,23 +9,23 @@ from torch import Tensor
 
 from gdg.kinds.hand_model import HandModel
 from gdg.objects.model import ObjectModel
+from gdg.penetration.touching import crossing_pairs, link_pairs, touching_links
 from gdg.rotations import ROOT_DIM
 
 #: Steps from the open to the closed posture; each is some 2 mm at a fingertip.
 STEPS = 64
-#: A link touches from this distance on, metres.
-TOUCH_M = 0.0
 
 
 @torch.no_grad()
 def close_until_touch(
-    hand: HandModel, obj: ObjectModel, q: Float[Tensor, "batch dof"]
+    hand: HandModel, obj: ObjectModel, q: Float[Tensor, "batch dof"], margin_m: float = 0.0
 ) -> Float[Tensor, "batch dof"]:
     """q with every finger that is off the object flexed toward the closed posture.
 
-    A joint stops when a link that it moves touches the object, or at the closed posture; joints
-    further out on the same finger go on, as in an underactuated hand. The root, joints that take no
-    part in closing, and joints that touch already or are beyond the closed posture stay.
+    A joint stops when a link that it moves touches the object or another link, or at the closed
+    posture; joints further out on the same finger go on, as in an underactuated hand. The root,
+    joints that take no part in closing, and joints that touch already or are beyond the closed
+    posture stay. A link touches from ``margin_m`` on, metres.
     """
     joints, root = q[:, ROOT_DIM:].clone(), q[:, :ROOT_DIM]
     goal = hand.closed_posture.expand_as(joints)
@@ -33,12 +33,12 @@ def close_until_touch(
     moves = moved_links(hand)
     for _ in range(STEPS):
         ahead = (goal - joints) * step.sign() > step.abs() / 2
-        free = ahead & ~_held(hand, obj, root, joints, moves)
+        free = ahead & ~_held(hand, obj, torch.cat((root, joints), dim=-1), moves, margin_m)
         # a joint that would press a link into the object keeps its value; twice, since joints
         # that stop change where those that go on take their links
         for _ in range(2):
             trial = joints + torch.where(free, step, torch.zeros_like(step))
-            free &= ~_held(hand, obj, root, trial, moves)
+            free &= ~_held(hand, obj, torch.cat((root, trial), dim=-1), moves, margin_m)
         if not free.any():
             break
         joints = joints + torch.where(free, step, torch.zeros_like(step))
@@ -55,16 +55,14 @@ def moved_links(hand: HandModel) -> Bool[Tensor, "joint link"]:
 def _held(
     hand: HandModel,
     obj: ObjectModel,
-    root: Float[Tensor, "batch root"],
-    joints: Float[Tensor, "batch joint"],
+    q: Float[Tensor, "batch dof"],
     moves: Bool[Tensor, "joint link"],
+    margin_m: float,
 ) -> Bool[Tensor, "batch joint"]:
-    """Which joints move a link that touches the object, by its surface or its inscribed spheres."""
-    Ts = hand.link_poses(torch.cat((root, joints), dim=-1))
-    spheres = hand.spheres
-    centers = hand.place(Ts, spheres.centers, spheres.link_index)
-    gaps = (obj.sdf.distance(hand.place_surface(Ts)), obj.sdf.distance(centers) - spheres.radii)
-    nearest = gaps[0].new_full((len(joints), moves.shape[1]), torch.inf)
-    for gap, link in zip(gaps, (hand.surface.link_index, spheres.link_index)):
-        nearest.scatter_reduce_(1, link.expand_as(gap), gap, "amin")
-    return ((nearest <= TOUCH_M)[:, None] & moves).any(-1)
+    """Which joints move a link that touches the object, or one of two links that cross."""
+    Ts = hand.link_poses(q)
+    first, second = link_pairs(hand).unbind(-1)
+    parts = moves[:, first] ^ moves[:, second]
+    on_object = touching_links(hand, obj, Ts, margin_m)[:, None] & moves
+    on_hand = crossing_pairs(hand, Ts)[:, None] & parts
+    return on_object.any(-1) | on_hand.any(-1)

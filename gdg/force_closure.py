@@ -34,5 +34,10 @@ def force_closure_error(
     normals: Float[Tensor, "batch contact 3"],
     length: float | Float[Tensor, "#batch 1"] = 1.0,
 ) -> Float[Tensor, "batch"]:
-    """‖G c‖: zero when frictionless unit forces at the contacts balance; see ``net_wrench``."""
+    """‖G c‖: zero when equal frictionless forces at the contacts balance; see ``net_wrench``.
+
+    The source calls that differentiable force closure. It is not the classical one: two opposite
+    contacts have 0, yet resist no torque about their line (their ε, ``gdg.quality.wrench_space``,
+    is 0, too).
+    """
     return (net_wrench(points, normals, length).square().sum(-1) + 1e-12).sqrt()

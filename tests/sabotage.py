@@ -397,6 +397,11 @@ class AtLeastTwo(DfcPlanner):
         return super().plan(hand, obj, max(2, count), generator, progress)
 
 
+class MixesUpObjects(DfcPlanner):
+    def plan_many(self, *args: Any, **kwargs: Any):
+        return super().plan_many(*args, **kwargs)[::-1]
+
+
 class WorstFirst(DfcPlanner):
     def plan(self, *args: Any, **kwargs: Any):
         planned = super().plan(*args, **kwargs)
@@ -481,6 +486,7 @@ SABOTAGE: list[tuple[str, type, str, str]] = [
     ("planner", ForgetsTheRejected, "grasps", "provenance['rejected'] must count"),
     ("planner", Stretched, "grasps", "poses are not rigid"),
     ("planner", SeedsNumpy, "randomness", "the global random state of numpy changed"),
+    ("planner", MixesUpObjects, "many objects", "object_name is"),
     ("planner", NeedsAllPoints, "other points", "other points: raised RuntimeError"),
 ]
 #: Base class -> its options model and what its instances use.

@@ -26,6 +26,7 @@ from gdg.penetration import (
     penetration_depth,
     self_penetration,
 )
+from gdg.penetration.touching import crossing_pairs, touching_links
 from gdg.rotations import ROOT_DIM, q_from_pose
 
 #: Half the edge of the bundled cube, metres.
@@ -226,3 +227,20 @@ def test_each_of_several_objects_is_penetrated_by_its_own_hands(
     )
     torch.testing.assert_close(padded[0], together[0], rtol=1e-4, atol=1e-5)
     torch.testing.assert_close(padded[1], together[1], rtol=1e-3, atol=5e-3)
+
+
+@pytest.mark.parametrize("name", ["allegro", "shadowhand"])
+def test_compiled_touching_and_crossing_are_the_eager_ones(name: str):
+    hand, mug = build_model(find_hand(name)), find_object("mug")
+    Ts = scattered(hand, mug)
+    touching, crossing = touching_links(hand, mug, Ts), crossing_pairs(hand, Ts)
+    assert touching.any()
+    assert not touching.all()
+    assert crossing.any()
+    assert torch.equal(touching, eager.touching_links(hand, mug.sdf, Ts, 0.0))
+    near = touching_links(hand, mug, Ts, 0.004)
+    assert near.sum() > touching.sum()
+    assert torch.equal(near, eager.touching_links(hand, mug.sdf, Ts, 0.004))
+    assert torch.equal(crossing, eager.crossing_pairs(hand, Ts))
+    # summed overlap is positive where any pair crosses, and only there
+    assert torch.equal(crossing.any(-1), self_penetration(hand, Ts) > 0)

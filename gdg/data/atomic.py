@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-import tempfile
+import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,18 +14,13 @@ def atomic_path(path: Path) -> Iterator[Path]:
     """Yields a temporary path in the same folder, renamed to ``path`` if the body succeeds.
 
     On any exception (a full disk, Ctrl-C) the temporary file is removed and ``path`` stays as
-    it was.
+    it was. The umask decides who may read the file, as with any new one.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path
     try:
-        handle, name = tempfile.mkstemp(
-            dir=path.parent, prefix=f".{path.name}.", suffix=path.suffix
-        )
-        os.close(handle)
-        temporary = Path(name)
+        temporary = _new_file(path)
         yield temporary
-        os.chmod(temporary, 0o644)
         os.replace(temporary, path)
     except OSError as error:
         if str(error.filename or "").startswith(str(path.parent / f".{path.name}.")):
@@ -34,6 +29,18 @@ def atomic_path(path: Path) -> Iterator[Path]:
     finally:
         if temporary != path:
             temporary.unlink(missing_ok=True)
+
+
+def _new_file(path: Path) -> Path:
+    """An empty file beside ``path``, with a hidden name and the permissions of any new file."""
+    while True:
+        temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}{path.suffix}")
+        try:
+            # not mkstemp, whose files only their owner may read: here the umask decides
+            os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+        except FileExistsError:
+            continue
+        return temporary
 
 
 def write_text_atomically(path: Path, text: str) -> None:

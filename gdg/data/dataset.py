@@ -15,13 +15,13 @@ from gdg.data.atomic import atomic_path
 from gdg.data.columns import METRIC_PREFIX, grasps_of, parts_of, table_of
 from gdg.data.grasps import GraspSet
 from gdg.data.hashes import checksum_of, content_of, grasp_ids
+from gdg.data.header import SCHEMA, parse_header
 from gdg.data.json_values import finite_or_none
 from gdg.data.shards import (
     CHECKSUM_KEY,
     METADATA_KEY,
     OPTIONAL,
     REQUIRED,
-    SCHEMA,
     UNREADABLE,
     ShardInfo,
     iterate_shards,
@@ -54,7 +54,7 @@ def write_shard(root: Path, key: str, grasps: GraspSet, provenance: Mapping[str,
             entries join the grasps' own provenance.
 
     Raises:
-        GdgError: a required fact is missing.
+        GdgError: a required fact is missing, or the key or a fact is not what it must be.
     """
     missing = [name for name in REQUIRED if name not in provenance]
     if missing:
@@ -76,6 +76,10 @@ def write_shard(root: Path, key: str, grasps: GraspSet, provenance: Mapping[str,
         "provenance": {**grasps.provenance, **rest},
     }
     text = json.dumps(finite_or_none(header), allow_nan=False).encode()
+    try:
+        parse_header(text)
+    except ValueError as error:
+        raise GdgError(f"write_shard: {error}") from error
     table = table_of(grasps, ids)
     checksum = checksum_of(text, table).encode("ascii")
     table = table.replace_schema_metadata({METADATA_KEY: text, CHECKSUM_KEY: checksum})

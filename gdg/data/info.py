@@ -53,10 +53,10 @@ class Summary:
         self.splits.add(info.split)
         self.versions.add(info.version)
         self.reasons |= {info.reason} - {""}
-        tested = info.provenance.get("tested", info.count if passed is not None else 0)
-        if isinstance(tested, int) and tested:
+        tested = _count_in(info, "tested", info.count if passed is not None else 0)
+        if tested:
             self.tested += tested
-            self.tested_passed += info.provenance.get("passed", passed or 0)
+            self.tested_passed += _count_in(info, "passed", passed or 0)
         seed = info.provenance.get("seed")
         self.seeds |= {seed} if isinstance(seed, int) else set()
         for name, (count, total) in info.measured.items():
@@ -151,6 +151,12 @@ def join(parts: Iterable[Summary]) -> Summary:
             before = total.measured.get(name, (0, 0.0))
             total.measured[name] = before[0] + count, before[1] + value
     return total
+
+
+def _count_in(info: ShardInfo, name: str, default: int) -> int:
+    """A count in the provenance, which may hold anything."""
+    value = info.provenance.get(name, default)
+    return value if isinstance(value, int) and value >= 0 else 0
 
 
 def _passed_of_old(info: ShardInfo) -> int | None:

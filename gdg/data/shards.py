@@ -10,7 +10,6 @@ begins with a dot (temporary files, ``.corrupt``) are no part of the dataset.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,10 +19,9 @@ from urllib.parse import quote, unquote
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from gdg.data.header import SCHEMA, check_key, parse_header
 from gdg.errors import GdgError
 
-#: What is written now, and what was written before and is still read.
-SCHEMA, OLD_SCHEMA = "gdg-dataset-2", "gdg-dataset-1"
 METADATA_KEY, CHECKSUM_KEY = b"gdg", b"gdg_checksum"
 #: Facts of a shard's hand and object that its writer must give.
 REQUIRED = ("hand_hash", "object_hash", "split")
@@ -173,29 +171,21 @@ def unreadable(path: Path, error: Exception) -> GdgError:
 
 def _info(path: Path, footer: pq.FileMetaData) -> ShardInfo:
     stored = footer.metadata or {}
-    header = json.loads(stored.get(METADATA_KEY, b"null"))
-    schema = header.get("schema") if isinstance(header, dict) else None
-    if schema not in (SCHEMA, OLD_SCHEMA):
-        raise ValueError(f"its schema is not '{SCHEMA}'")
-    summary = header.get("summary", {})
+    header = parse_header(stored.get(METADATA_KEY, b"null"))
     return ShardInfo(
         path=path,
-        key=header.get("key", path.stem.removeprefix("part-")),
-        hand=header["hand"],
-        object_name=header["object"],
-        joint_names=tuple(header["joint_names"]),
-        root_link=header["root_link"],
+        key=header.key or check_key(path.stem.removeprefix("part-")),
+        hand=header.hand,
+        object_name=header.object_name,
+        joint_names=header.joint_names,
+        root_link=header.root_link,
         count=footer.num_rows,
-        provenance=header["provenance"],
-        version=2 if schema == SCHEMA else 1,
-        parts=tuple(header.get("parts", ())),
-        content=header.get("content", ""),
+        provenance=header.provenance,
+        version=2 if header.version == SCHEMA else 1,
+        parts=header.parts,
+        content=header.content,
         checksum=stored.get(CHECKSUM_KEY, b"").decode("ascii"),
-        passed=summary.get("passed"),
-        measured={
-            name: (int(count), float(total))
-            for name, (count, total) in summary.get("measured", {}).items()
-        },
-        **{name: header[name] for name in REQUIRED},
-        **{name: header[name] for name in OPTIONAL if name in header},
+        passed=header.summary.passed,
+        measured=header.summary.measured,
+        **{name: getattr(header, name) for name in (*REQUIRED, *OPTIONAL)},
     )

@@ -78,11 +78,6 @@ def set_aside(root: Path, findings: Iterable[FileFinding]) -> list[Path]:
     """
     moved = []
     for path in dict.fromkeys(finding.path for finding in findings if finding.damaged):
-        young = (
-            LEFTOVER.fullmatch(path.name) and time.time() - path.stat().st_mtime < LEFTOVER_AGE_S
-        )
-        if young:
-            continue
         target = _free_name(root / SET_ASIDE / path.relative_to(root))
         target.parent.mkdir(parents=True, exist_ok=True)
         os.replace(path, target)
@@ -99,8 +94,16 @@ def _free_name(path: Path) -> Path:
 
 
 def _leftovers(root: Path) -> list[Path]:
-    found = (p for p in root.rglob(".*") if p.is_file() and LEFTOVER.fullmatch(p.name))
+    found = (p for p in root.rglob(".*") if LEFTOVER.fullmatch(p.name) and _is_old_file(p))
     return sorted(path for path in found if SET_ASIDE not in path.relative_to(root).parts)
+
+
+def _is_old_file(path: Path) -> bool:
+    """Whether no run can be writing it; one that has just been renamed is gone."""
+    try:
+        return path.is_file() and time.time() - path.stat().st_mtime >= LEFTOVER_AGE_S
+    except FileNotFoundError:
+        return False
 
 
 def _check_file(path: Path, more: MoreChecks | None, known: _KnownIds) -> Iterator[FileFinding]:

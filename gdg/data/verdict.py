@@ -87,13 +87,14 @@ class Verdict:
 
 
 def stable_share(verdicts: Sequence[Verdict]) -> float:
-    """Share of the grasps whose trials all gave the same answer; NaN if no verdict can say.
+    """Share of the grasps whose trials all gave the same answer; NaN where that is not known.
 
-    Over grasps of which all trials ran: among those that were decided early, a disagreement shows
-    but an agreement doesn't, so that a share of them would be too low.
+    It is not known when trials were left out because a majority was decided: all trials ran only
+    where they disagreed, so a share of those grasps would always be 0.
     """
-    known = [verdict.stable for verdict in verdicts if not verdict.decided_early]
-    return sum(map(bool, known)) / len(known) if known else math.nan
+    if not verdicts or any(verdict.decided_early for verdict in verdicts):
+        return math.nan
+    return sum(bool(verdict.stable) for verdict in verdicts) / len(verdicts)
 
 
 def _from_json(value: Any) -> Any:

@@ -89,7 +89,7 @@ class WorkerPool(Engine):
                     return
                 for news in self._wait(self._workers, TICK_S):
                     yield from self._heard(news, state)
-                yield from self._overdue()
+                yield from self._overdue(state)
         finally:
             for worker in self._workers:
                 self._kill(worker)
@@ -154,7 +154,7 @@ class WorkerPool(Engine):
         )
         yield Outcome(task, None, error)
 
-    def _overdue(self) -> Iterator[Outcome[Any, Any]]:
+    def _overdue(self, state: _State) -> Iterator[Outcome[Any, Any]]:
         """Stops tasks that took too long."""
         if self._timeout_s:
             now = time.monotonic()
@@ -163,6 +163,8 @@ class WorkerPool(Engine):
                 if now - worker.since > limit:
                     self._workers.remove(worker)
                     self._kill(worker)
+                    # ids are given anew: a later task must not inherit the count
+                    state.deaths.pop(id(worker.task), None)
                     yield Outcome(worker.task, None, timed_out(limit))
 
     def _limit_s(self, task: Any) -> float:

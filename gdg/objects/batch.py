@@ -40,9 +40,9 @@ class ObjectBatch:
         return torch.stack([obj.center_of_mass for obj in self.objects])
 
     @cached_property
-    def radii(self) -> Float[Tensor, "object"]:
-        """Radius of each around its frame's origin, metres."""
-        return self.centers_of_mass.new_tensor([obj.radius for obj in self.objects])
+    def reaches(self) -> Float[Tensor, "object"]:
+        """Radius of each around its centre of mass, metres."""
+        return self.centers_of_mass.new_tensor([obj.reach for obj in self.objects])
 
     def per_hand(
         self, values: Float[Tensor, "object *rest"], hands: int

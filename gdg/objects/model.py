@@ -85,6 +85,15 @@ class ObjectModel:
         return float(np.linalg.norm(self.mesh.vertices, axis=-1).max())
 
     @cached_property
+    def reach(self) -> float:
+        """Radius of the sphere around the centre of mass that encloses it, metres.
+
+        Torques are divided by this to compare them with forces; it doesn't depend on the frame.
+        """
+        center = self.center_of_mass.cpu().double().numpy()
+        return float(np.linalg.norm(self.mesh.vertices - center, axis=-1).max())
+
+    @cached_property
     def convex_parts(self) -> list[trimesh.Trimesh]:
         """Convex meshes that stand for the object in physics engines; cached on disk."""
         solid = self.mesh.is_watertight and self.mesh.body_count == 1

@@ -39,8 +39,8 @@ class Penetration:
         summed: Σ over surface points of relu(−δ) plus Σ over inscribed spheres of
             relu(radius − δ(centre)), metres. The paper sums over points alone, between which a
             cup's wall goes unseen; a sphere that a wall cuts is always seen.
-        depth: the largest single term, metres: a lower bound of the true penetration depth. No
-            gradient flows through it.
+        depth: the largest single term, metres: without a margin a lower bound of the true
+            penetration depth. No gradient flows through it.
     """
 
     summed: Float[Tensor, "batch"]

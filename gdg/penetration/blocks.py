@@ -20,6 +20,7 @@ class LinkBlocks:
         point_starts: first point of each link, and the number of points.
         spheres: inscribed spheres, centre and radius, (sphere, 4), grouped by link.
         sphere_starts: first sphere of each link, and their number.
+        sphere_links: link of each sphere.
         link_pairs: links with spheres that must stay apart, (link_pair, 2).
         pair_starts: first sphere pair of each, and their number.
         pairs: sphere pairs, (pair, 2), into ``spheres``.
@@ -31,6 +32,7 @@ class LinkBlocks:
     point_starts: np.ndarray
     spheres: np.ndarray
     sphere_starts: np.ndarray
+    sphere_links: np.ndarray
     link_pairs: np.ndarray
     pair_starts: np.ndarray
     pairs: np.ndarray
@@ -68,6 +70,7 @@ def _build(hand: HandModel, stride: int) -> LinkBlocks:
         point_starts,
         spheres,
         sphere_starts,
+        found.link_index.cpu().numpy()[order],
         link_pairs,
         pair_starts,
         pairs,

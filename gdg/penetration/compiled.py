@@ -96,6 +96,26 @@ def _pull(G: np.ndarray, local: np.ndarray, fx: float, fy: float, fz: float) -> 
 
 
 @njit(inline="always")
+def _gap(values: np.ndarray, low: np.ndarray, cell: float, x: float, y: float, z: float) -> float:
+    """``SignedDistanceGrid.distance``."""
+    value, beyond, _x, _y, _z = _field(values, low, cell, x, y, z)
+    return value + beyond
+
+
+@njit(inline="always")
+def _far(
+    T: np.ndarray, values: np.ndarray, low: np.ndarray, cell: float, ball: np.ndarray, reach: float
+) -> bool:
+    """Whether a link, within its ball, is certainly farther than ``reach`` from the object."""
+    x, y, z = _place(T, ball)
+    value, beyond, _x, _y, _z = _field(values, low, cell, x, y, z)
+    # the grid is convex: a point beyond it is at least this far from all inside
+    if beyond > ZERO:
+        value = math.sqrt(value * value + beyond * beyond)
+    return value > ball[3] + reach
+
+
+@njit(inline="always")
 def _finite(Ts: np.ndarray) -> bool:
     good = True
     for value in Ts.flat:
@@ -148,12 +168,7 @@ def object_penetration(
             continue
         for link in range(links):
             T, G = Ts[b, link], gradients[b, link]
-            x, y, z = _place(T, balls[link])
-            value, beyond, gx, gy, gz = _field(values, low, cell, x, y, z)
-            # the grid is convex: a point beyond it is at least this far from all inside
-            if beyond > ZERO:
-                value = math.sqrt(value * value + beyond * beyond)
-            if value > balls[link, 3] + reach:
+            if _far(T, values, low, cell, balls[link], reach):
                 continue
             for p in range(point_starts[link], point_starts[link + 1]):
                 x, y, z = _place(T, points[p])
@@ -233,3 +248,76 @@ def _apart(
     bx, by, bz = _place(T_j, b)
     x, y, z = ax - bx, ay - by, az - bz
     return x, y, z, max(math.sqrt(x * x + y * y + z * z), NEARLY_ZERO_M)  # type: ignore[return-value]
+
+
+@njit(cache=True, parallel=True, error_model="numpy")
+def touching_links(
+    Ts: np.ndarray,
+    values: np.ndarray,
+    low: np.ndarray,
+    spacing: float,
+    balls: np.ndarray,
+    points: np.ndarray,
+    point_starts: np.ndarray,
+    spheres: np.ndarray,
+    sphere_starts: np.ndarray,
+    margin: float,
+) -> np.ndarray:
+    """Whether a point or sphere of each link is within ``margin`` of the object, (batch, link).
+
+    Arguments as those of ``object_penetration``; poses that are not finite touch nothing.
+    """
+    batch, links = Ts.shape[0], Ts.shape[1]
+    touching = np.zeros((batch, links), np.bool_)
+    cell, thicker = np.float32(spacing), np.float32(margin)
+    reach = TWO_DIAGONALS * cell + SLACK_M + thicker
+    for b in prange(batch):
+        if not _finite(Ts[b]):
+            continue
+        for link in range(links):
+            T = Ts[b, link]
+            if _far(T, values, low, cell, balls[link], reach):
+                continue
+            for p in range(point_starts[link], point_starts[link + 1]):
+                x, y, z = _place(T, points[p])
+                if _gap(values, low, cell, x, y, z) <= thicker:
+                    touching[b, link] = True
+                    break
+            if touching[b, link]:
+                continue
+            for s in range(sphere_starts[link], sphere_starts[link + 1]):
+                x, y, z = _place(T, spheres[s])
+                if _gap(values, low, cell, x, y, z) <= thicker + spheres[s, 3]:
+                    touching[b, link] = True
+                    break
+    return touching
+
+
+@njit(cache=True, parallel=True, error_model="numpy")
+def crossing_pairs(
+    Ts: np.ndarray,
+    balls: np.ndarray,
+    link_pairs: np.ndarray,
+    pair_starts: np.ndarray,
+    pairs: np.ndarray,
+    reach: np.ndarray,
+    spheres: np.ndarray,
+) -> np.ndarray:
+    """Whether the links of each pair overlap, (batch, link_pair); see ``self_penetration``."""
+    batch = Ts.shape[0]
+    crossing = np.zeros((batch, len(link_pairs)), np.bool_)
+    for b in prange(batch):
+        if not _finite(Ts[b]):
+            continue
+        for n in range(len(link_pairs)):
+            i, j = link_pairs[n, 0], link_pairs[n, 1]
+            if _apart(Ts[b, i], balls[i], Ts[b, j], balls[j])[3] > (
+                balls[i, 3] + balls[j, 3] + SLACK_M
+            ):
+                continue
+            for p in range(pair_starts[n], pair_starts[n + 1]):
+                s, t = pairs[p, 0], pairs[p, 1]
+                if _apart(Ts[b, i], spheres[s], Ts[b, j], spheres[t])[3] < reach[p]:
+                    crossing[b, n] = True
+                    break
+    return crossing

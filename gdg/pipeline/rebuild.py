@@ -16,6 +16,7 @@ from gdg.data.dataset import shard_path, write_shard
 from gdg.data.grasps import GraspSet
 from gdg.data.layouts.compact import Group, read_compact
 from gdg.data.layouts.lookup import Lookup
+from gdg.data.shards import ShardInfo, read_info
 from gdg.errors import GdgError, GdgErrors
 from gdg.kinds.hand_model import HandModel
 from gdg.kinds.simulator import Simulator
@@ -24,7 +25,11 @@ from gdg.pipeline.jobs import DEFAULTS
 from gdg.pipeline.workers import run_all
 from gdg.protocols import Protocol, load_protocol
 from gdg.registry import get_registry
+from gdg.splits.catalogue import TEST, is_test_object
 from gdg.starts import prepare
+
+#: Provenance of a shard: whether its grasps were simulated when it was rebuilt.
+SIMULATED = "simulated"
 
 
 @dataclass(frozen=True)
@@ -83,6 +88,8 @@ def rebuild_dataset(
     report: Callable[[int, int, RebuildResult], None] | None = None,
 ) -> list[RebuildResult]:
     """Rebuilds every group of a compact file; a group that stands there already is left alone.
+
+    One that stands there without having been simulated is replaced where ``simulate`` is asked for.
 
     Args:
         file: the compact file.
@@ -147,13 +154,14 @@ def _rebuild(task: RebuildTask) -> RebuildResult:
     grasps = loaded.stored.grasps(group, np.array(task.rows))
     hand, obj, changed = _load(task, loaded)
     key = content_hash(
-        "rebuild-1", grasps.poses.numpy().tobytes(), grasps.joints.numpy().tobytes(),
+        "rebuild-2", grasps.poses.numpy().tobytes(), grasps.joints.numpy().tobytes(),
         hand.hand.content_hash, obj.content_hash, group.protocol, int(group.refined),
-        int(task.simulate),
     )[:16]  # fmt: skip
-    if shard_path(task.out, group.hand, group.object_name, key).is_file():
-        passed = len(grasps.passed)
-        return RebuildResult(group.hand, group.object_name, len(grasps), passed, found=True)
+    there = _there(shard_path(task.out, group.hand, group.object_name, key))
+    if there is not None and (there.provenance.get(SIMULATED) or not task.simulate):
+        return RebuildResult(
+            group.hand, group.object_name, there.count, there.passed or 0, found=True
+        )
     notes = list(changed)
     protocol = _protocol(task, notes)
     if changed:
@@ -166,6 +174,9 @@ def _rebuild(task: RebuildTask) -> RebuildResult:
             grasps = replace(grasps, verdicts=tuple(verdicts))
     grasps = _measured(hand, obj, grasps)
     facts = loaded.stored.objects[group.object_name]
+    is_test = TEST in (obj.split, facts.split) or is_test_object(
+        group.object_name, obj.content_hash
+    )
     write_shard(
         task.out,
         key,
@@ -173,15 +184,24 @@ def _rebuild(task: RebuildTask) -> RebuildResult:
         {
             "hand_hash": hand.hand.content_hash,
             "object_hash": obj.content_hash,
-            "split": "test" if "test" in (obj.split, facts.split) else obj.split or facts.split,
-            "hand_path": loaded.lookup.hand_word(group.hand),
-            "object_path": loaded.lookup.object_word(group.object_name),
+            "split": TEST if is_test else obj.split or facts.split,
+            "hand_path": loaded.lookup.hand_place(group.hand),
+            "object_path": loaded.lookup.object_place(group.object_name),
             "object_scale": facts.scale,
             "rebuilt_from": task.file.name,
+            SIMULATED: task.simulate,
         },
     )
     passed = len(grasps.passed)
     return RebuildResult(group.hand, group.object_name, len(grasps), passed, notes=tuple(notes))
+
+
+def _there(path: Path) -> ShardInfo | None:
+    """The shard that an earlier run wrote; None where there is none that can be read."""
+    try:
+        return read_info(path) if path.is_file() else None
+    except GdgError:
+        return None
 
 
 def _load(task: RebuildTask, loaded: _Loaded) -> tuple[HandModel, ObjectModel, list[str]]:

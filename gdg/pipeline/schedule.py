@@ -7,8 +7,10 @@ import math
 import os
 from collections import deque
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+
+from pydantic import TypeAdapter, ValidationError
 
 from gdg.config import RunConfig
 from gdg.data.atomic import atomic_path
@@ -23,6 +25,7 @@ from gdg.pipeline.shard import PairTask, ShardGroup, ShardTask, pair_key, shard_
 
 #: Share of a shard that is taken to pass before anything is known of a pair.
 EXPECTED_YIELD = 0.5
+_COUNTS = TypeAdapter(ShardCounts)
 
 
 @dataclass(eq=False)
@@ -277,11 +280,17 @@ def _company(config: RunConfig) -> str:
 
 
 def read_counts(path: Path) -> ShardCounts | None:
-    """The counts in a shard's footer, or None where the file is damaged or of another make."""
+    """The counts in a shard's footer, or None where the file is damaged or of another make.
+
+    What passed is counted by the rows that it has, since a merge may have dropped some.
+    """
     try:
-        return ShardCounts.from_dict(read_info(path).provenance)
-    except (GdgError, KeyError):
+        info = read_info(path)
+        counts = _COUNTS.validate_python(vars(ShardCounts.from_dict(info.provenance)))
+    except (GdgError, KeyError, ValidationError):
         return None
+    passed = info.passed if info.count else 0
+    return counts if passed is None else replace(counts, passed=passed)
 
 
 def write_bytes(path: Path, data: bytes) -> None:

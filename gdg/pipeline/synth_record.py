@@ -9,6 +9,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
 import gdg
 from gdg.config import RunConfig
 from gdg.data.atomic import write_text_atomically
@@ -24,6 +26,25 @@ PERIOD_S = 5.0
 SPANNING = ("hand", "object")
 
 
+class _Pair(BaseModel):
+    """What is read again of a pair's entry; the rest is kept as it is."""
+
+    model_config = ConfigDict(strict=True, extra="allow", allow_inf_nan=False)
+
+    hand: str
+    object: str
+    key: str
+    timed_out: int | None = None
+    timeout_s: float = 0.0
+
+
+class _Record(BaseModel):
+    model_config = ConfigDict(strict=True)
+
+    version: str = Field(alias="schema")
+    pairs: list[_Pair] = []
+
+
 class SynthRecord:
     """``synth.json``: per pair what was made, what was lost where, and why it ended.
 
@@ -37,7 +58,7 @@ class SynthRecord:
     def __init__(self, root: Path, settings: dict[str, Any]):
         self._path, self._settings = root / RECORD, settings
         self._started, self._written = time.time(), 0.0
-        self._earlier = {pair["key"]: pair for pair in _read(self._path).get("pairs", [])}
+        self._earlier = {pair["key"]: pair for pair in _read(self._path)}
 
     def timed_out(self, pair: PairState) -> tuple[int, float] | None:
         """The shard of the pair that took too long in an earlier run, and that run's limit."""
@@ -82,13 +103,13 @@ def _entry(pair: PairState) -> dict[str, Any]:
     }
 
 
-def _read(path: Path) -> dict[str, Any]:
-    """The record, or nothing where there is none or it can't be understood."""
+def _read(path: Path) -> list[dict[str, Any]]:
+    """The pairs of the record, or nothing where there is none or it can't be understood."""
     try:
-        tree = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return {}
-    return tree if isinstance(tree, dict) and tree.get("schema") == SCHEMA else {}
+        record = _Record.model_validate_json(path.read_bytes())
+    except (OSError, ValidationError):
+        return []
+    return [pair.model_dump() for pair in record.pairs] if record.version == SCHEMA else []
 
 
 def write_configs(root: Path, configs: Sequence[RunConfig]) -> list[Path]:

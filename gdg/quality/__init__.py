@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
 import torch
 
 from gdg.data.contacts import ContactSet
@@ -83,7 +82,6 @@ def measure(
 
 def _wrench_spaces(obj: ObjectModel, contacts: ContactSet, friction: float) -> list[WrenchSpace]:
     center = obj.center_of_mass.cpu().double().numpy()
-    length = float(np.linalg.norm(obj.mesh.vertices - center, axis=-1).max())
     points, normals = contacts.points.double().numpy() - center, contacts.normals.double().numpy()
     rows = [contacts.rows(index) for index in range(len(contacts))]
-    return [wrench_space(points[r], normals[r], length, friction) for r in rows]
+    return [wrench_space(points[r], normals[r], obj.reach, friction) for r in rows]

@@ -11,6 +11,7 @@ from numba import njit
 
 from gdg.data.contacts import ContactSet
 from gdg.data.grasps import GraspSet
+from gdg.geometry.sdf import winding_numbers
 from gdg.hands.geometry import hand_surface
 from gdg.kinds.hand_model import HandModel
 from gdg.objects.model import ObjectModel
@@ -155,7 +156,8 @@ def _on_surface(obj: ObjectModel, points: np.ndarray) -> tuple[np.ndarray, np.nd
     squared, face, nearest = igl.point_mesh_squared_distance(points, vertices, faces)
     distance, away = np.sqrt(squared), points - nearest
     normals = np.array(obj.mesh.face_normals[np.asarray(face, np.int64)])
-    sign = np.where(np.einsum("ij,ij->i", away, normals) < 0, -1.0, 1.0)
+    # one face's normal can't tell the side of a sharp edge, where it is another that matters
+    sign = np.where(winding_numbers(obj.mesh, points) > 0.5, -1.0, 1.0)
     clear = distance > ON_SURFACE_M
     normals[clear] = (sign[:, None] * away)[clear] / distance[clear, None]
     return np.asarray(nearest), normals, sign * distance

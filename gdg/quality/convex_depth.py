@@ -88,7 +88,7 @@ def polyhedron(points: np.ndarray) -> Polyhedron:
 
 
 def _distinct(normals: np.ndarray) -> np.ndarray:
-    _, first = np.unique(np.round(normals / SAME_NORMAL / 10), axis=0, return_index=True)
+    _, first = np.unique(np.round(normals / SAME_NORMAL), axis=0, return_index=True)
     return np.ascontiguousarray(normals[np.sort(first)])
 
 

@@ -2,7 +2,7 @@
 
 A lock names its objects and hands by name and by content hash, so that neither a renamed copy nor
 another mesh of the same object slips from test into training. An object's name counts without its
-dataset: ``contactdb+apple``, ``ycb+apple`` and ``apple`` are one object to a lock.
+dataset and scale: ``contactdb+apple``, ``apple@0.9`` and ``apple`` are one object to a lock.
 """
 
 from __future__ import annotations
@@ -112,8 +112,9 @@ class SplitLock(BaseModel, extra="forbid", frozen=True):
 
 
 def bare_name(object_name: str) -> str:
-    """An object's name without the dataset it is from: ``apple`` of ``contactdb+apple``."""
-    return object_name.rpartition("+")[2]
+    """An object's name without dataset and scale: ``apple`` of ``contactdb+apple@0.9``."""
+    own = object_name.rpartition("+")[2]
+    return own.partition("@")[0] or own
 
 
 def where_is_object(lock: SplitLock, name: str, content: str) -> str:

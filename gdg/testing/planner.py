@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from gdg.data.grasps import GraspSet
 from gdg.errors import GdgError
@@ -66,6 +66,19 @@ def other_points(case: PlannerCase) -> Iterator[str]:
         yield from grasp_set_problems(case.hand, obj, case.plan(1, obj=obj))
 
 
+def many_objects(case: PlannerCase) -> Iterator[str]:
+    """Objects that are planned for in one call each get their own grasps, in order."""
+    objects = [case.obj, replace(case.obj, name="other")]
+    planned = case.planner.plan_many(case.hand, objects, 1, [seeded(0), seeded(1)])
+    if len(planned) != len(objects):
+        yield f"plan_many of {len(objects)} objects gave {len(planned)} grasp sets."
+        return
+    for obj, grasps in zip(objects, planned, strict=True):
+        if len(grasps) > 1:
+            yield "one grasp of each object was asked for, several given."
+        yield from grasp_set_problems(case.hand, obj, grasps)
+
+
 def _provenance_mistakes(planned: GraspSet) -> Iterator[str]:
     rejected = planned.provenance.get("rejected")
     if not isinstance(rejected, Mapping):
@@ -76,4 +89,4 @@ def _provenance_mistakes(planned: GraspSet) -> Iterator[str]:
             yield f"provenance['rejected'][{reason!r}] is {count!r}, not a count."
 
 
-CHECKS = (grasps, one_grasp, randomness, other_points)
+CHECKS = (grasps, one_grasp, randomness, other_points, many_objects)

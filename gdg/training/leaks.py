@@ -11,25 +11,24 @@ from collections.abc import Iterator, Sequence
 
 from gdg.data.shards import ShardInfo
 from gdg.errors import raise_if_any
-from gdg.folders import OBJECTS
 from gdg.identity import Assets, body_hash
-from gdg.objects.spec import read_object_spec
-from gdg.splits import SplitLock, bare_name, held_out_hand, where_is_object
+from gdg.splits import SplitLock, held_out_hand, where_is_object
+from gdg.splits.catalogue import is_test_object
 
 TEST = "test"
 
 
 def refuse_test_objects(found: Sequence[ShardInfo]) -> None:
-    """Raises if any shard's object belongs to a test split.
+    """Raises if any shard's object is a test object by its record, by name or by content.
 
     Raises:
         GdgError: naming each such object and one of its shards.
     """
-    names = _test_object_names()
+    objects = {(i.object_name, i.object_hash, i.split): i for i in reversed(found)}
     leaks = {
         info.object_name: info.path
-        for info in found
-        if info.split == TEST or bare_name(info.object_name) in names
+        for (name, content, split), info in objects.items()
+        if split == TEST or is_test_object(name, content)
     }
     raise_if_any(
         [
@@ -135,8 +134,3 @@ def _first_of_each_hand(found: Sequence[ShardInfo]) -> list[ShardInfo]:
 def _body(info: ShardInfo, assets: Assets) -> str:
     hand = assets.hand_of(info)
     return body_hash(hand) if hand is not None else ""
-
-
-def _test_object_names() -> set[str]:
-    folders = [found.path for found in OBJECTS.all().values() if found.path.is_dir()]
-    return {bare_name(spec.name) for spec in map(read_object_spec, folders) if spec.split == TEST}

@@ -33,6 +33,8 @@ from gdg.training.maps import MapGroup
 
 #: Grasps whose maps are made at once.
 CHUNK = 256
+#: Objects that are kept in memory; one that was dropped is loaded again.
+MAX_OBJECTS = 64
 
 
 @dataclass(frozen=True)
@@ -153,7 +155,7 @@ class MapSource:
         self.distance: Distance = distance.record.load()(distance.options)
         self._hand_model = hand_model
         self._hands: dict[str, HandModel] = {}
-        self._objects: dict[str, ObjectModel] = {}
+        self._objects: dict[tuple[str, float], ObjectModel] = {}
         #: Content hashes of the shards that were read, by path.
         self.shard_hashes: dict[Path, str] = {}
 
@@ -208,13 +210,15 @@ class MapSource:
         return model
 
     def _object(self, info: ShardInfo) -> ObjectModel:
-        given = info.object_path or info.object_name
-        if given not in self._objects:
-            obj = find_object(given, scale=info.object_scale)
+        key = info.object_path or info.object_name, info.object_scale
+        obj = self._objects.pop(key, None)
+        if obj is None:
+            obj = find_object(key[0], scale=key[1])
             if obj.split == TEST:
                 raise GdgError(f"data: {info.path}: '{obj.name}' is a test object.")
-            self._objects[given] = obj
-        obj = self._objects[given]
+            while len(self._objects) >= MAX_OBJECTS:
+                del self._objects[next(iter(self._objects))]
+        self._objects[key] = obj  # last, as the one used last
         if obj.content_hash != info.object_hash:
             raise GdgError(
                 f"{info.path}: its grasps were made with another version of the object "

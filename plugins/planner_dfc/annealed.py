@@ -88,8 +88,9 @@ class AnnealedMala(ChainSteps):
     def _switch(self, chains: Chains, contacts: Contacts, temperature: float) -> Contacts:
         """Moves one contact of some chains to one of some random places, likely a good one.
 
-        A place is drawn by its Boltzmann weight, given that the hand and the other contacts stay
-        where they are (Gibbs sampling).
+        A place is drawn by its Boltzmann weight among those tried, given that the hand and the
+        other contacts stay where they are. No correction is made for that in the acceptance: chains
+        look for low energies, they do not sample exp(−E/T).
         """
         o, batch = self._options, len(chains)
         chosen = self.uniform(batch) < o.switch_probability

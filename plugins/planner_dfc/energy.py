@@ -131,24 +131,24 @@ class GraspEnergy:
         return Touch(points, outward, sdf.normals(points), sdf.distance(points).abs())
 
     def force_closure(self, touch: Touch) -> Float[Tensor, "batch"]:
-        """‖G c‖ / n, torques about the centre of mass divided by the object's radius."""
-        arms, radii = self._arms(touch)
-        return force_closure_error(arms, touch.normals, radii)
+        """‖G c‖ / n, torques about the centre of mass divided by the object's reach."""
+        arms, reaches = self._arms(touch)
+        return force_closure_error(arms, touch.normals, reaches)
 
     def wrenches(self, touch: Touch) -> Float[Tensor, "batch contact 6"]:
         """Wrench of a unit force along the normal at each contact, torques as above."""
-        arms, radii = self._arms(touch)
+        arms, reaches = self._arms(touch)
         torques = torch.linalg.cross(arms, touch.normals)
-        return torch.cat((touch.normals, torques / radii[:, None]), dim=-1)
+        return torch.cat((touch.normals, torques / reaches[:, None]), dim=-1)
 
     def _arms(
         self, touch: Touch
     ) -> tuple[Float[Tensor, "batch contact 3"], Float[Tensor, "batch 1"]]:
-        """Contacts relative to their object's centre of mass, and its radius, metres."""
+        """Contacts relative to their object's centre of mass, and its reach, metres."""
         objects, batch = self.objects, len(touch.points)
         centers = objects.per_hand(objects.centers_of_mass, batch)
-        radii = objects.per_hand(objects.radii[:, None], batch)
-        return touch.points - centers[:, None], radii
+        reaches = objects.per_hand(objects.reaches[:, None], batch)
+        return touch.points - centers[:, None], reaches
 
     def turned_away(self, touch: Touch) -> Float[Tensor, "batch contact"]:
         """1 + ⟨n_hand, n_object⟩: 0 where a pad faces the surface."""

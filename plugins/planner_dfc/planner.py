@@ -117,7 +117,9 @@ class DfcPlanner(Planner):
         q = hand.clamp(chains.q)
         if o.close:
             parts = zip(searches, energy.objects.per_object(q))
-            q = torch.cat([close_until_touch(hand, s.obj, part) for s, part in parts])
+            q = torch.cat(
+                [close_until_touch(hand, s.obj, part, o.close_margin_m) for s, part in parts]
+            )
         self._keep_accepted(energy, q, chains.contacts, searches)
         for search, accepted in zip(searches, sampler.accepted.tolist()):
             search.candidates += o.batch

@@ -118,6 +118,21 @@ def test_mistakes_are_told_in_one_sentence(run: Run, dataset: Path) -> None:
     refused(run("data", "import", "a.txt", "--out", "x"), "write --layout multidex or")
 
 
+def test_an_export_never_overwrites_grasps(run: Run, dataset: Path) -> None:
+    shard = next(dataset.rglob("*.parquet"))
+    before = shard.read_bytes()
+    for words in (("--out", dataset / "grasps.parquet"), ("--out", shard),
+                  ("--layout", "multidex", "--out", dataset / "there")):  # fmt: skip
+        refused(run("data", "export", dataset, *words), "is inside of the dataset")
+    Path("notes.parquet").write_text("mine")
+    Path("copy.parquet").write_bytes(before)
+    for name in ("notes.parquet", "copy.parquet"):
+        refused(run("data", "export", dataset, "--out", name), "is there already and no compact")
+    assert (shard.read_bytes(), Path("notes.parquet").read_text()) == (before, "mine")
+    for _ in range(2):
+        assert run("data", "export", dataset, "--out", "all.parquet").code == 0
+
+
 @pytest.mark.parametrize("command", ["import", "export"])
 def test_help_explains_every_layout(run: Run, command: str) -> None:
     out = run("data", command, "--help")

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from gdg.data.atomic import atomic_path, write_text_atomically
+from gdg.data.validate import LEFTOVER
 
 
 @pytest.fixture
@@ -77,6 +78,16 @@ def test_a_reader_sees_the_old_file_until_the_new_one_is_complete(target: Path):
     assert target.read_text() == "new"
 
 
-def test_the_file_can_be_read_by_others(target: Path):
-    write_text_atomically(target, "new")
-    assert target.stat().st_mode & 0o777 == 0o644
+@pytest.mark.parametrize(("umask", "mode"), [(0o022, 0o644), (0o077, 0o600), (0o002, 0o664)])
+def test_the_umask_decides_who_may_read_the_file(target: Path, umask: int, mode: int):
+    before = os.umask(umask)
+    try:
+        write_text_atomically(target, "new")
+    finally:
+        os.umask(before)
+    assert target.stat().st_mode & 0o777 == mode
+
+
+def test_a_temporary_file_is_known_as_a_leftover(target: Path):
+    with atomic_path(target) as temporary:
+        assert LEFTOVER.fullmatch(temporary.name)

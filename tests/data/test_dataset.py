@@ -27,7 +27,7 @@ from gdg.data.dataset import read_shard, shard_path, shards, stream_grasps, writ
 from gdg.data.grasps import GraspSet
 from gdg.errors import GdgError
 
-ODD_NAME = "contactdb+cube/odd name"
+ODD_NAME = "contactdb+cube, odd name"
 PARTS = ("targets", "status", "contacts", "verdicts", "figures")
 
 

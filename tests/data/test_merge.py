@@ -160,3 +160,58 @@ def test_the_origin_of_a_shard_that_lost_grasps_is_remembered(tmp_path: Path):
     assert source.path == path
     merge_datasets([tmp_path / "a", tmp_path / "b"], tmp_path / "out")
     assert shards(tmp_path / "out")[1].provenance[MERGED_FROM] == source.content
+
+
+def test_a_shard_that_lost_grasps_does_not_stand_for_the_whole_one(tmp_path: Path):
+    x, y, union = (tmp_path / name for name in ("x", "y", "union"))
+    write_shard(x, "x", POOL.select(range(5)), FACTS)
+    write_shard(y, "y", POOL.select(range(2, 8)), FACTS)
+    merge_datasets([x, y], union)
+    # the shard with the other copies of what the second one lost is gone
+    next(union.rglob("part-x.parquet")).unlink()
+    expected = rows(y)
+    assert len(rows(union)) == 3
+    for name, inputs in (("first", [union, y]), ("last", [y, union])):
+        merged = merge_datasets(inputs, tmp_path / name)
+        assert (merged.shards, merged.repeated, merged.grasps) == (1, 1, 6)
+        assert rows(tmp_path / name) == expected
+    merged = merge_datasets([y], union)
+    assert (merged.shards, merged.grasps, merged.dropped) == (1, 3, 3)
+    assert rows(union) == expected
+    assert (merge_datasets([y], union).present, merge_datasets([x, y], union).shards) == (1, 1)
+    assert check_dataset(union) == []
+
+
+def test_what_two_merges_left_of_one_shard_is_united(tmp_path: Path):
+    for name, dropped in (("a", [0, 1]), ("b", [6, 7])):
+        write_shard(tmp_path / name / "in", "first", POOL.select(dropped), FACTS)
+        write_shard(tmp_path / name / "in", "whole", POOL, FACTS)
+        # the inputs of one folder come in the order of their paths
+        merge_datasets([tmp_path / name / "in"], tmp_path / name / "out")
+        next((tmp_path / name / "out").rglob("part-first.parquet")).unlink()
+    inputs = [tmp_path / name / "out" for name in ("a", "b")]
+    assert merge_datasets(inputs, tmp_path / "out").grasps == 8
+    assert rows(tmp_path / "out") == {tuple(row.tolist()) for row in POOL.joints}
+    again = merge_datasets(inputs, tmp_path / "out")
+    assert (again.shards, again.present) == (0, 2)
+    assert check_dataset(tmp_path / "out") == []
+
+
+@pytest.mark.parametrize("write", [write_shard, write_old_shard])
+def test_of_equal_grasps_the_tested_ones_stay(tmp_path: Path, write):
+    write(tmp_path / "a", "k1", replace(POOL, verdicts=()), FACTS)
+    write(tmp_path / "b", "k2", POOL.select(range(3)), FACTS)
+    merge_datasets([tmp_path / "a", tmp_path / "b"], tmp_path / "out")
+    counts = {info.key: (info.count, info.passed) for info in shards(tmp_path / "out")}
+    assert counts == {"k1": (5, None), "k2": (3, 2)}
+
+
+def test_the_counts_of_a_shard_that_lost_grasps_are_made_anew(tmp_path: Path):
+    write_shard(tmp_path / "in", "k1", POOL.select(range(4)), FACTS)
+    counts = {"candidates": 30, "planned": 20, "tested": 16, "passed": 4}
+    write_shard(tmp_path / "in", "k2", POOL, {**FACTS, **counts})
+    merge_datasets([tmp_path / "in"], tmp_path / "out")
+    info = shards(tmp_path / "out")[1]
+    left = {name: info.provenance[name] for name in counts}
+    assert left == {"candidates": 26, "planned": 16, "tested": 12, "passed": 2}
+    assert info.passed == 2

@@ -46,12 +46,13 @@ def test_agreement_of_some_trials_leaves_stability_open():
     assert verdict((True, False, True, True), trials=5).stable is False
 
 
-def test_stable_share_is_that_of_grasps_whose_trials_all_ran():
+def test_stable_share_is_known_only_where_all_trials_ran():
     firm, split, early = (
         verdict((True,) * 3, 3), verdict((True, True, False), 3), verdict((True, True), 3),
     )  # fmt: skip
-    assert stable_share([firm, split, early, early]) == 0.5
-    assert math.isnan(stable_share([early]))
+    assert stable_share([firm, split]) == 0.5
+    # trials that stop when they are decided only all run where they disagree
+    assert math.isnan(stable_share([split, early]))
     assert math.isnan(stable_share([]))
 
 

@@ -193,3 +193,29 @@ def test_a_file_that_is_no_compact_one_is_refused(lookup: Lookup, tmp_path: Path
     (tmp_path / "a.parquet").write_bytes(b"")
     with pytest.raises(GdgError, match="is no readable compact file"):
         rebuild_dataset(tmp_path / "a.parquet", tmp_path / "out", lookup)
+
+
+def test_a_simulation_replaces_what_was_only_measured(
+    compact: Callable[..., Path], lookup: Lookup, measured: list[str], tmp_path: Path
+) -> None:
+    file, out = compact("cube_small"), tmp_path / "out"
+    rebuild_dataset(file, out, lookup)
+    (before,) = shards(out)
+    (result,) = rebuild_dataset(file, out, lookup, simulate=True)
+    assert not result.found
+    (after,) = shards(out)
+    assert (after.count, after.path) == (before.count, before.path)
+    assert after.provenance["simulated"] is True
+    for simulate in (False, True):
+        (again,) = rebuild_dataset(file, out, lookup, simulate=simulate)
+        assert again.found
+        assert (again.count, again.passed) == (result.count, result.passed)
+    assert measured == ["cube_small"] * 2
+
+
+def test_a_test_object_stays_one_under_another_name(
+    compact: Callable[..., Path], lookup: Lookup, measured: list[str], tmp_path: Path
+) -> None:
+    file = compact("apple")
+    rebuild_dataset(file, tmp_path / "out", lookup)
+    assert [info.split for info in shards(tmp_path / "out")] == ["test"]

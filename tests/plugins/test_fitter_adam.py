@@ -87,7 +87,7 @@ def test_from_the_papers_starts_the_map_is_approached(
     before = run.terms(gripper_model, cube, start, maps.values.expand(6, -1)).contact
     after = all_fitted.energies["contact"]
     best = int(all_fitted.energies["total"].argmin())
-    assert after[best] < 0.6 * before.min()
+    assert after[best] < 0.65 * before.min()
     assert after[best] < 0.1
     assert (after < before).float().mean() > 0.8
 

@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
+import trimesh
 from measured_grasps import HALF_CUBE_M, around_the_cube, closed_on
 
 from gdg.kinds.hand_model import HandModel
-from gdg.objects.model import ObjectModel, find_object
-from gdg.quality.contact_points import LEAST_SPACING_M, MAX_PER_LINK, find_contacts
+from gdg.objects.model import ObjectModel, find_object, load_object
+from gdg.quality.contact_points import (
+    LEAST_SPACING_M,
+    MAX_PER_LINK,
+    _on_surface,
+    find_contacts,
+)
 
 
 def test_a_jaw_touches_a_cube_at_four_far_corners(gripper_model: HandModel, cube: ObjectModel):
@@ -93,3 +101,19 @@ def test_a_grasp_that_is_not_finite_has_no_contacts(gripper_model: HandModel, cu
     assert contacts.counts.tolist() == [0, 8]
     none = find_contacts(gripper_model, cube, grasps.select([]))
     assert (len(none), none.points.shape) == (0, (0, 3))
+
+
+def test_near_sharp_edges_the_outside_is_outside(tmp_path: Path):
+    # at an edge of less than 90 degrees a point can lie behind one face and outside all the same
+    cone = trimesh.creation.cone(0.02, 0.06, sections=12)
+    cone.export(tmp_path / "cone.stl")
+    obj = load_object(tmp_path / "cone.stl", "cone")
+    rng = np.random.default_rng(0)
+    vertices = obj.mesh.vertices[rng.integers(len(obj.mesh.vertices), size=4000)]
+    points = vertices + rng.normal(scale=0.002, size=vertices.shape)
+    nearest, normals, gaps = _on_surface(obj, points)
+    inside = trimesh.proximity.signed_distance(obj.mesh, points) > 0
+    clear = np.abs(gaps) > 1e-5
+    assert np.array_equal(gaps[clear] < 0, inside[clear])
+    outward = np.einsum("ij,ij->i", points - nearest, normals)
+    assert (outward[clear & ~inside] > 0).all()

@@ -279,3 +279,9 @@ def test_bundled_locks_stand_as_they_are_written(tmp_path: Path):
         save_split(load_split(name), tmp_path / "lock.yaml")
         bundled = FOLDER / f"{name}.lock.yaml"
         assert (tmp_path / "lock.yaml").read_text() == bundled.read_text(), STALE
+
+
+def test_a_name_counts_without_dataset_and_scale():
+    for name in ("apple", "ycb+apple", "apple@0.9", "ycb+apple@0.9"):
+        assert bare_name(name) == "apple"
+    assert bare_name("@home") == "@home"

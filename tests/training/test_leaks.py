@@ -9,11 +9,14 @@ import pytest
 from dataset_samples import FACTS, sample_grasps
 from gripper import write_gripper
 
-from gdg.data.dataset import write_shard
+from gdg.config import ComponentChoice
+from gdg.data.dataset import shards, write_shard
 from gdg.errors import GdgError, GdgErrors
-from gdg.folders import HANDS
+from gdg.folders import HANDS, OBJECTS
 from gdg.hands.hand import load_hand
-from gdg.identity import body_hash
+from gdg.identity import body_hash, object_hash
+from gdg.objects.spec import read_object_spec
+from gdg.registry import get_registry
 from gdg.splits import (
     HandSplit,
     LockedHand,
@@ -23,14 +26,15 @@ from gdg.splits import (
     load_split,
     save_split,
 )
+from gdg.training import source
 from gdg.training.card import model_card
 from gdg.training.job import TrainJob
-from gdg.training.source import choose_shards
+from gdg.training.source import MapSource, choose_shards
 
 HASHES = {name: f"{index:x}" * 64 for index, name in enumerate(("lemon", "orange", "vase", "cube"))}
 
 
-def write(root: Path, hand: str, object_name: str, **facts: str) -> None:
+def write(root: Path, hand: str, object_name: str, **facts: object) -> None:
     content = HASHES.get(object_name.rpartition("+")[2], "f" * 64)
     given = {**FACTS, "object_hash": content, "hand_hash": f"of {hand}", **facts}
     write_shard(root, "k", sample_grasps(2, hand=hand, object_name=object_name), given)
@@ -207,3 +211,38 @@ def test_the_model_card_names_the_lock():
     card = model_card("run", {**known, "split": "paper-v1", "split_sha256": "abc"})
     assert "| split | paper-v1 (`abc`) |" in card
     assert "| split | none |" in model_card("run", {**known, "split": "none", "split_sha256": ""})
+
+
+def test_copies_and_scales_of_test_objects_are_refused_without_a_lock(tmp_path: Path):
+    folder = OBJECTS.all()["apple"].path
+    copy = tmp_path / f"innocent{Path(read_object_spec(folder).mesh).suffix}"
+    shutil.copy(folder / read_object_spec(folder).mesh, copy)
+    for name, facts in (
+        ("lemon", {}),
+        ("innocent", {"object_hash": object_hash(str(copy))}),
+        ("dgn+apple@0.9", {}),
+    ):
+        write(tmp_path / "data", "jaws", name, **{"object_hash": "e" * 64, **facts})
+    with pytest.raises(GdgErrors) as caught:
+        choose_shards(TrainJob(data=str(tmp_path / "data")))
+    texts = caught.value.messages
+    assert len(texts) == 2
+    assert "'dgn+apple@0.9' is a test object" in texts[0]
+    assert "'innocent' is a test object" in texts[1]
+
+
+def test_an_object_is_known_at_each_of_its_scales(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(source, "MAX_OBJECTS", 2)
+    scales = (1.0, 0.9, 0.8)
+    for scale in scales:
+        facts = {"object_hash": object_hash("cube_small", scale), "object_path": "cube_small"}
+        write(tmp_path, "jaws", f"cube_small@{scale}", object_scale=scale, **facts)
+    registry = get_registry()
+    choices = []
+    for kind, name in (("distance", "aligned"), ("hand-model", "pytorch-kinematics")):
+        record = registry.find(kind, name)
+        choices.append(ComponentChoice(record=record, options=record.options()))
+    maps = MapSource(*choices)
+    for info in [*shards(tmp_path), *shards(tmp_path)]:
+        assert maps._object(info).content_hash == info.object_hash
+        assert len(maps._objects) <= 2

@@ -62,6 +62,8 @@ def export(
         raise GdgError(f"which layout? Write --layout {', '.join(LAYOUTS)}.")
     from gdg.data.layouts.exporting import chosen_shards
 
+    if out.resolve().is_relative_to(path.resolve()):
+        raise GdgError(f"--out {out}: is inside of the dataset {path}; write to another place.")
     lookup = lookup_of(hands, objects, meshes)
     chosen = chosen_shards(path, only_hand)
     if layout == "compact":
@@ -78,6 +80,8 @@ def _export_compact(chosen: list[ShardInfo], out: Path, failed_too: bool) -> Non
 
     if out.is_dir() or out.suffix != ".parquet":
         raise GdgError(f"--out {out}: the compact layout is one file; write --out NAME.parquet.")
+    if out.exists() and not _is_compact(out):
+        raise GdgError(f"--out {out}: is there already and no compact file; give another name.")
     count = write_compact(out, ((info, valid_grasps(info, failed_too)) for info in chosen))
     size = out.stat().st_size
     click.echo(f"{count} grasps, {size / 1e6:.2f} MB ({size / count:.0f} bytes each): {out}")
@@ -85,6 +89,23 @@ def _export_compact(chosen: list[ShardInfo], out: Path, failed_too: bool) -> Non
         "Not in the file, but computed anew by gdg data import: contact points, metrics, drive "
         "targets. Not in the file: energies, the planner's status, the pushes of each verdict."
     )
+
+
+def _is_compact(path: Path) -> bool:
+    """Whether a file is one that this command wrote, by its metadata alone."""
+    import json
+
+    import pyarrow.parquet as pq
+
+    from gdg.data.layouts.compact import METADATA_KEY, SCHEMA
+    from gdg.data.shards import UNREADABLE
+
+    try:
+        stored = pq.read_metadata(path).metadata or {}
+        header = json.loads(stored.get(METADATA_KEY, b"null"))
+    except UNREADABLE:
+        return False
+    return isinstance(header, dict) and header.get("schema") == SCHEMA
 
 
 def _export(

@@ -48,7 +48,8 @@ def read_cmap(path: Path, own_order: bool = False) -> list[ForeignGrasps]:
     if not isinstance(tree, dict) or not isinstance(tree.get("metadata"), list):
         raise GdgError(f"{file}: is no CMapDataset: it has no list 'metadata'.")
     metadata, info = tree["metadata"], tree.get("info")
-    first = 1 if metadata and len(metadata[0]) == 4 else 0
+    head = metadata[0] if metadata else ()
+    first = 1 if isinstance(head, (tuple, list)) and len(head) == 4 else 0
     rows = vector_rows(str(file), metadata, first)
     facts = info if isinstance(info, Mapping) else {}
     read = grasps_of_rows(str(file), rows, facts, euler=first == 0, own_order=own_order)

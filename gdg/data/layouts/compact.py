@@ -26,6 +26,7 @@ from gdg.cache import content_hash
 from gdg.data.atomic import atomic_path
 from gdg.data.dataset import ShardInfo
 from gdg.data.grasps import GraspSet
+from gdg.data.hashes import checksum_of
 from gdg.data.layouts.rotations import (
     poses_from,
     quaternion_from_rotation,
@@ -35,7 +36,7 @@ from gdg.data.verdict import DIRECTIONS, Verdict
 from gdg.errors import GdgError, raise_if_any
 
 SCHEMA = "gdg-compact-1"
-METADATA_KEY = b"gdg"
+METADATA_KEY, CHECKSUM_KEY = b"gdg", b"gdg-checksum"
 POSITION = ("x", "y", "z")
 QUATERNION = ("qw", "qx", "qy", "qz")
 #: Verdict fields that are kept as they are; ``shifts`` holds the bits of ``shift_successes``.
@@ -46,7 +47,33 @@ RECIPE = ("gdg", "device", "components", "imported")
 #: Bits of one integer.
 MAX_SHIFTS = 62
 
+#: A rotation's quaternion may be this far from length 1.
+UNIT_TOLERANCE = 1e-3
+
+#: What reading a file that is none may raise.
+UNREADABLE = (
+    pa.ArrowException, OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError,
+    MemoryError, RecursionError,
+)  # fmt: skip
+
 _TEXT = pa.dictionary(pa.int32(), pa.string())
+#: Column -> type; those of ``_ALWAYS`` hold no null, those of ``_TESTED`` none where a protocol is.
+_COLUMNS: dict[str, pa.DataType] = {
+    "hand": _TEXT,
+    "object": _TEXT,
+    **dict.fromkeys((*POSITION, *QUATERNION), pa.float32()),
+    "joints": pa.list_(pa.float32()),
+    **dict.fromkeys(TEXTS, _TEXT),
+    **dict.fromkeys(FLOATS, pa.float32()),
+    **dict.fromkeys(("success", "refined"), pa.bool_()),
+    "shifts": pa.int64(),
+    "trials_run": pa.int8(),
+    "trials": pa.int16(),
+    "seed": pa.int64(),
+    "recipe": _TEXT,
+}
+_ALWAYS = ("hand", "object", *POSITION, *QUATERNION, "joints", "recipe")
+_TESTED = ("failure", "engine", "success", "refined", "shifts", "trials_run", "trials")
 
 
 @dataclass(frozen=True)
@@ -113,9 +140,9 @@ class CompactFile:
         """
         hand = self.hands[group.hand]
         table = self.table.take(pa.array(rows))
-        count = len(rows)
-        joints = [value for row in table["joints"].to_pylist() for value in row]
-        if len(joints) != count * len(hand.joint_names):
+        count, width = len(rows), len(hand.joint_names)
+        joints = table["joints"].to_pylist()
+        if any(len(row) != width for row in joints):
             raise GdgError(f"{self.path}: rows of '{group.hand}' lack joint values.")
         recipes = sorted(set(table["recipe"].to_pylist()))
         return GraspSet(
@@ -124,7 +151,7 @@ class CompactFile:
             joint_names=hand.joint_names,
             root_link=hand.root_link,
             poses=_poses(table),
-            joints=torch.tensor(joints, dtype=torch.float32).reshape(count, -1),
+            joints=torch.tensor(joints, dtype=torch.float32).reshape(count, width),
             verdicts=_verdicts(table) if group.protocol else (),
             provenance={
                 **(self.recipes.get(recipes[0], {}) if len(recipes) == 1 else {}),
@@ -162,7 +189,7 @@ def write_compact(
             table, temporary, compression="zstd", compression_level=compression_level,
             use_dictionary=[*texts, "seed"],  # type: ignore[arg-type]
             use_byte_stream_split=floats,  # type: ignore[arg-type]
-            write_statistics=False,
+            write_statistics=False, write_page_checksum=True,
         )  # fmt: skip
     return table.num_rows
 
@@ -211,34 +238,98 @@ class _Contents:
         }
         table = pa.concat_tables([t for key in sorted(self.tables) for t in self.tables[key]])
         table = table.unify_dictionaries().combine_chunks()
-        return table.replace_schema_metadata({METADATA_KEY: json.dumps(header).encode()})
+        return with_checksum(table, json.dumps(header).encode())
+
+
+def with_checksum(table: pa.Table, header: bytes) -> pa.Table:
+    """A table with its header and a checksum over both as metadata."""
+    checksum = _checksum(table, header).encode()
+    return table.replace_schema_metadata({METADATA_KEY: header, CHECKSUM_KEY: checksum})
+
+
+def _checksum(table: pa.Table, header: bytes) -> str:
+    texts = [n for n, t in zip(table.column_names, table.schema.types, strict=True) if t == _TEXT]
+    for name in texts:
+        place = table.column_names.index(name)
+        table = table.set_column(place, name, table[name].cast(pa.string()))
+    return checksum_of(header, table)
 
 
 def read_compact(path: Path) -> CompactFile:
     """Reads a compact file.
 
     Raises:
-        GdgError: it can't be read, or is no compact file.
+        GdgError: it can't be read, is no compact file, is damaged, or has values that are none.
     """
     try:
-        with pq.ParquetFile(path) as stored:
+        with pq.ParquetFile(path, page_checksum_verification=True) as stored:
             table = stored.read()
-        header = json.loads((table.schema.metadata or {}).get(METADATA_KEY, b"null"))
+        metadata = table.schema.metadata or {}
+        text = metadata.get(METADATA_KEY, b"null")
+        header = json.loads(text)
         if not isinstance(header, dict) or header.get("schema") != SCHEMA:
             raise ValueError(f"its schema is not '{SCHEMA}'")
-        hands = {
-            name: CompactHand(key, tuple(joints), root)
-            for name, (key, joints, root) in header["hands"].items()
-        }
-        objects = {name: CompactObject(*facts) for name, facts in header["objects"].items()}
+        _check_columns(table)
+        if CHECKSUM_KEY not in metadata:
+            raise ValueError("it has no checksum; export it anew")
+        if metadata[CHECKSUM_KEY] != _checksum(table, text).encode():
+            raise ValueError("its content is not what its checksum says, so it is damaged")
+        _check_values(table)
+        hands = {name: _hand(name, facts) for name, facts in header["hands"].items()}
+        objects = {name: _object(name, facts) for name, facts in header["objects"].items()}
+        if not all(isinstance(recipe, dict) for recipe in header["recipes"].values()):
+            raise TypeError("its 'recipes' are no dictionaries")
         unknown = set(table["hand"].to_pylist()) - set(hands)
         unknown |= set(table["object"].to_pylist()) - set(objects)
         if unknown:
             raise ValueError(f"'{min(unknown)}' is not in its lists of hands and objects")
         return CompactFile(path, hands, objects, header["recipes"], table)
-    except (pa.ArrowException, OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+    except UNREADABLE as error:
         reason = " ".join(str(error).split())
         raise GdgError(f"{path}: is no readable compact file: {reason}") from error
+
+
+def _check_columns(table: pa.Table) -> None:
+    """Raises ``TypeError`` where a column is missing or of another type."""
+    for name, kind in _COLUMNS.items():
+        found = table.schema.field(name).type if name in table.column_names else None
+        if found != kind:
+            raise TypeError(f"its column '{name}' is {found or 'missing'}, not {kind}")
+
+
+def _check_values(table: pa.Table) -> None:
+    """Raises ``ValueError`` where values are missing or not finite, or a rotation is none."""
+    tested = table.filter(table["protocol"].is_valid())
+    for part, names in ((table, _ALWAYS), (tested, _TESTED)):
+        for name in names:
+            if part[name].null_count:
+                raise ValueError(f"its column '{name}' lacks values")
+    joints = table["joints"].combine_chunks().flatten()
+    numbers = {**{name: table[name] for name in (*POSITION, *QUATERNION)}, "joints": joints}
+    for name, column in numbers.items():
+        if column.null_count or not np.isfinite(column.to_numpy(zero_copy_only=False)).all():
+            raise ValueError(f"its column '{name}' has values that are not finite")
+    quaternions = np.stack([table[name].to_numpy() for name in QUATERNION], axis=-1)
+    lengths = np.linalg.norm(quaternions.astype(np.float64), axis=-1)
+    if (np.abs(lengths - 1.0) > UNIT_TOLERANCE).any():
+        raise ValueError("it has quaternions that are not of length 1")
+
+
+def _hand(name: str, facts: Any) -> CompactHand:
+    key, joints, root = facts
+    if not isinstance(joints, list) or not all(isinstance(t, str) for t in (key, root, *joints)):
+        raise TypeError(f"hand '{name}': its facts are no hash, joint names and root link")
+    return CompactHand(key, tuple(joints), root)
+
+
+def _object(name: str, facts: Any) -> CompactObject:
+    key, scale, split = facts
+    is_scale = isinstance(scale, (int, float)) and not isinstance(scale, bool)
+    if not isinstance(key, str) or not is_scale or split not in ("", "train", "test"):
+        raise TypeError(f"object '{name}': its facts are no hash, scale and split")
+    if not (math.isfinite(scale) and scale > 0):
+        raise ValueError(f"object '{name}': its scale is not positive")
+    return CompactObject(key, float(scale), split)
 
 
 def _rows(grasps: GraspSet, recipe: str, seed: int | None) -> pa.Table:

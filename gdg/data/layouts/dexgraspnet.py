@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import io
 import math
+import tokenize
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ import numpy as np
 
 from gdg.data.atomic import atomic_path
 from gdg.data.layouts.chain import chain_joints, chain_values
-from gdg.data.layouts.foreign import ForeignGrasps, PairToExport
+from gdg.data.layouts.foreign import ForeignGrasps, PairToExport, file_name
 from gdg.data.layouts.plain_pickle import read_plain_pickle
 from gdg.data.layouts.rotations import poses_from, rotation_from_sxyz, sxyz_from_rotation
 from gdg.errors import GdgError
@@ -30,6 +31,11 @@ TOTAL, PREFIX = "energy", "E_"
 #: The largest published file has 0.5 MB.
 MAX_BYTES = 200_000_000
 MAX_JOINTS = 500
+#: What numpy raises on headers that are none.
+BAD_HEADER = (
+    ValueError, TypeError, KeyError, AttributeError, OverflowError, SyntaxError,
+    tokenize.TokenError, RecursionError, MemoryError,
+)  # fmt: skip
 #: Name of the object, which gdg adds where it doesn't follow from code and scale.
 NAME = "object"
 #: Between an object's code and its scale.
@@ -58,10 +64,10 @@ def _read_file(path: Path) -> list[ForeignGrasps]:
             scale = _number(entry.get("scale", 1.0))
             name = entry.get(NAME, _name(path.stem, scale))
             if not isinstance(name, str):
-                raise TypeError(f"{str(name)[:40]!r} is no name")
+                raise TypeError(f"a {type(name).__name__} is no name")
             objects.setdefault((name, scale), []).append(entry)
         return [_grasps(path, name, scale, members) for (name, scale), members in objects.items()]
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
         raise GdgError(
             f"{path}: is no DexGraspNet file: {type(error).__name__}: {error}"
         ) from error
@@ -80,8 +86,9 @@ def _entries(path: Path) -> list[dict[str, Any]]:
         _, _, dtype = read(stream)
     except OSError as error:
         raise GdgError(f"{path}: cannot be read: {error.strerror or error}.") from error
-    except ValueError as error:
-        raise GdgError(f"{path}: is no .npy file: {error}.") from error
+    except BAD_HEADER as error:
+        reason = " ".join(str(error).split())[:200] or type(error).__name__
+        raise GdgError(f"{path}: is no .npy file: {reason}.") from error
     entries = read_plain_pickle(stream.read(), str(path)) if dtype.hasobject else None
     if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
         raise GdgError(f"{path}: is no DexGraspNet file: it holds no list of grasps.")
@@ -128,8 +135,11 @@ def _grasps(path: Path, name: str, scale: float, entries: list[dict[str, Any]]) 
 
 def _number(value: Any) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise TypeError(f"{str(value)[:40]!r} is no number")
-    return float(value) if abs(value) < 1e300 or not math.isfinite(value) else math.inf
+        raise TypeError(f"a {type(value).__name__} is no number")
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf  # no float is as large; such grasps are left out
 
 
 def write_dexgraspnet(pairs: Sequence[PairToExport], out: Path) -> list[Path]:
@@ -152,17 +162,11 @@ def write_dexgraspnet(pairs: Sequence[PairToExport], out: Path) -> list[Path]:
     for code, entries in files.items():
         array = np.empty(len(entries), dtype=object)
         array[:] = entries
-        path = out / f"{_file_name(code)}.npy"
+        path = out / f"{file_name('object', code)}.npy"
         with atomic_path(path) as temporary, temporary.open("wb") as stream:
             np.save(stream, array, allow_pickle=True)
         written.append(path)
     return written
-
-
-def _file_name(code: str) -> str:
-    if "/" in code or "\\" in code or code.startswith("."):
-        raise GdgError(f"object '{code}': its name can't be a file's name.")
-    return code
 
 
 def _dictionaries(pair: PairToExport) -> list[dict[str, Any]]:

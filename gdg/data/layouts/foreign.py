@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gdg.data.grasps import GraspSet
+from gdg.errors import GdgError
 from gdg.hands.hand import Hand
 
 
@@ -61,3 +62,14 @@ class PairToExport:
     object_scale: float
     object_hash: str
     split: str
+
+
+def file_name(noun: str, name: str) -> str:
+    """A hand's or object's name as the name of a file or folder that an export writes.
+
+    Raises:
+        GdgError: it would lead elsewhere, or is no file's name.
+    """
+    if not name.isprintable() or "/" in name or "\\" in name or name[:1] in ("", "."):
+        raise GdgError(f"{noun} {name[:80]!r}: its name can't be a file's name.")
+    return name

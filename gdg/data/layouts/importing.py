@@ -18,6 +18,9 @@ from gdg.data.layouts.foreign import ForeignGrasps
 from gdg.data.layouts.lookup import Lookup
 from gdg.errors import GdgError
 from gdg.hands.hand import Hand
+from gdg.identity import object_hash
+from gdg.objects.model import ObjectModel
+from gdg.splits.catalogue import TEST, is_test_object
 
 #: A joint value this far beyond its limits is told, rad or m.
 LIMIT_TOLERANCE = 1e-3
@@ -100,15 +103,26 @@ def _import_pair(
             {
                 "hand_hash": hand.content_hash,
                 "object_hash": obj.content_hash,
-                "split": "test" if "test" in (obj.split, read.split) else obj.split or read.split,
-                "hand_path": lookup.hand_word(read.hand),
-                "object_path": lookup.object_word(read.object_name, read.object_lookup),
+                "split": _split(read, obj, lookup),
+                "hand_path": lookup.hand_place(read.hand),
+                "object_path": lookup.object_place(read.object_name, read.object_lookup),
                 "object_scale": read.object_scale,
                 "gdg": gdg.__version__,
                 "imported": {"layout": layout, "file": Path(read.source).name},
             },
         )
     return len(grasps)
+
+
+def _split(read: ForeignGrasps, obj: ObjectModel, lookup: Lookup) -> str:
+    """``test`` where file, object or catalogue say so: by name, or by content at any scale."""
+    if TEST in (obj.split, read.split) or is_test_object(read.object_name, obj.content_hash):
+        return TEST
+    if read.object_scale != 1.0:
+        word = lookup.object_word(read.object_name, read.object_lookup)
+        if is_test_object(read.object_lookup or read.object_name, object_hash(word)):
+            return TEST
+    return obj.split or read.split
 
 
 def _assumptions(read: ForeignGrasps, hand: Hand, strays: float) -> Iterator[str]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from gdg.errors import GdgError
-from gdg.folders import OBJECTS
+from gdg.folders import HANDS, OBJECTS, FolderKind
 from gdg.hands.hand import Hand, find_hand
 from gdg.objects.model import ObjectModel, find_object
 
@@ -47,8 +47,9 @@ class Lookup:
         """What to load a hand by; ``known_as`` is what a dataset has recorded.
 
         Raises:
-            GdgError: the file names no hand, and the user gave none.
+            GdgError: the file names no hand, and the user gave none, or its name can't be printed.
         """
+        _check_printable("hand", name)
         word = self.hands.get(name) or self.hands.get("") or known_as or _bare("hand", name)
         if not word:
             raise GdgError("the files do not name the hand; give it: --hand NAME or --hand FOLDER")
@@ -58,8 +59,10 @@ class Lookup:
         """What to load an object by; ``known_as`` is what a file or dataset says beside its name.
 
         Raises:
-            GdgError: the pattern gives a mesh file that does not exist.
+            GdgError: the pattern gives a mesh file that does not exist, or the name can't be
+                printed.
         """
+        _check_printable("object", name)
         if name in self.objects:
             return self.objects[name]
         if not self.meshes:
@@ -68,6 +71,14 @@ class Lookup:
         if not Path(path).expanduser().is_file():
             raise GdgError(f"object '{name}': there is no mesh {path}.")
         return path
+
+    def hand_place(self, name: str, known_as: str = "") -> str:
+        """``hand_word`` as a dataset keeps it: a name, or a path that holds in any folder."""
+        return _place(HANDS, self.hand_word(name, known_as))
+
+    def object_place(self, name: str, known_as: str = "") -> str:
+        """``object_word`` as a dataset keeps it: a name, or a path that holds in any folder."""
+        return _place(OBJECTS, self.object_word(name, known_as))
 
     def hand(self, name: str, known_as: str = "") -> Hand:
         """The hand of a name in a file."""
@@ -90,6 +101,16 @@ class Lookup:
                     f"{error} Or write --object {name}=PATH, or --meshes PATTERN."
                 ) from error
         return self._object[1]
+
+
+def _check_printable(noun: str, name: str) -> None:
+    if not name.isprintable():
+        raise GdgError(f"{noun} {name[:80]!r}: the name has characters that can't be printed.")
+
+
+def _place(kind: FolderKind, word: str) -> str:
+    found = kind.find(word)
+    return str(found.path) if found.tier == "path" else word
 
 
 def _filled(pattern: str, name: str) -> str:

@@ -13,7 +13,7 @@ import torch
 
 from gdg.data.atomic import atomic_path, write_text_atomically
 from gdg.data.layouts import MULTIDEX_NAMES
-from gdg.data.layouts.foreign import ForeignGrasps, PairToExport
+from gdg.data.layouts.foreign import ForeignGrasps, PairToExport, file_name
 from gdg.data.layouts.pose_vectors import (
     by_hand,
     grasps_of_rows,
@@ -54,8 +54,14 @@ def _read_file(path: Path, own_order: bool) -> list[ForeignGrasps]:
 
 
 def write_multidex(pairs: Sequence[PairToExport], out: Path) -> list[Path]:
-    """Writes one file per hand and the list of names; returns what was written."""
+    """Writes one file per hand and the list of names; returns what was written.
+
+    Raises:
+        GdgError: a hand's name can't be a file's name.
+    """
     written = []
+    for pair in pairs:
+        file_name("hand", pair.grasps.hand)
     for hand, of_hand in by_hand(pairs).items():
         metadata = [
             (q, pair.grasps.object_name, hand) for pair in of_hand for q in vector_of_pair(pair)

@@ -9,6 +9,7 @@ refused unread, so nothing of a file is ever called or imported.
 from __future__ import annotations
 
 import pickletools
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -19,8 +20,8 @@ from gdg.errors import GdgError
 
 #: More instructions than this are no dataset file's (500 grasps take 50 000).
 MAX_INSTRUCTIONS = 20_000_000
-#: dtypes that scalars and inner arrays may have.
-NUMBER = "biuf"
+#: dtypes that scalars and inner arrays may have: booleans, integers and floats.
+CODE = re.compile(r"[<>=|]?[biuf][0-9]{1,2}")
 #: Modules under which numpy's versions write their functions.
 CORES = ("numpy.core.multiarray", "numpy._core.multiarray")
 
@@ -39,9 +40,9 @@ class _Dtype:
     order: str = "="
 
     def numpy(self) -> np.dtype[Any]:
+        if not CODE.fullmatch(self.code):
+            raise ValueError(f"values of dtype '{self.code[:40]}'")
         dtype = np.dtype(self.code)
-        if dtype.kind not in NUMBER:
-            raise ValueError(f"values of dtype '{self.code}'")
         if self.order in ("<", ">"):
             return np.dtype(self.order + dtype.str[1:])
         return dtype
@@ -94,7 +95,15 @@ def read_plain_pickle(data: bytes, source: str) -> Any:
             else:
                 raise ValueError(f"the instruction {opcode.name}")
         raise ValueError("it is cut off")
-    except (ValueError, TypeError, IndexError, KeyError, OverflowError, MemoryError) as error:
+    except (
+        ValueError,
+        TypeError,
+        IndexError,
+        KeyError,
+        OverflowError,
+        MemoryError,
+        RecursionError,
+    ) as error:
         reason = " ".join(str(error).split())[:200] or type(error).__name__
         raise GdgError(
             f"{source}: is refused: gdg reads only plain values and arrays of numbers from such "
@@ -226,8 +235,8 @@ def _build(machine: _Machine, argument: Any) -> None:
 def _array_content(shape: tuple[Any, ...], dtype: _Dtype, fortran: Any, content: Any) -> Any:
     if dtype.code.startswith("O"):
         values = _of(list, content)
-        if len(shape) > 1 or len(values) != int(np.prod(shape)):
-            raise ValueError(f"an array of objects of shape {str(shape)[:60]}")
+        if len(shape) > 1 or [len(values)] != (_sizes(shape) or [1]):
+            raise ValueError("an array of objects of more than one axis, or of another length")
         return values
     if len(shape) > 1 and fortran:
         raise ValueError("an array stored by columns")
@@ -235,10 +244,14 @@ def _array_content(shape: tuple[Any, ...], dtype: _Dtype, fortran: Any, content:
 
 
 def _numbers(dtype: _Dtype, data: bytes, shape: tuple[Any, ...]) -> np.ndarray:
+    return np.frombuffer(data, dtype.numpy()).reshape(_sizes(shape))
+
+
+def _sizes(shape: tuple[Any, ...]) -> list[int]:
     sizes = [_of(int, size) for size in shape]
     if min(sizes, default=0) < 0:
-        raise ValueError(f"an array of shape {str(shape)[:60]}")
-    return np.frombuffer(data, dtype.numpy()).reshape(sizes)
+        raise ValueError("an array with a negative number of values")
+    return sizes
 
 
 def _of(kind: type[Any], value: Any) -> Any:

@@ -100,9 +100,13 @@ def vector_rows(source: str, metadata: Any, first: int) -> list[VectorRow]:
                 f"{source}: metadata[{index}] is no tuple of "
                 f"{'a contact map, ' if first else ''}a tensor q, an object's and a hand's name."
             )
-        if q.ndim != 1 or not 6 < len(q) <= MAX_LENGTH:
+        if q.is_nested or q.ndim != 1 or not 6 < len(q) <= MAX_LENGTH:
             raise GdgError(f"{source}: metadata[{index}]: q has the shape {tuple(q.shape)}.")
-        rows.append(VectorRow(q, *names))
+        if q.layout != torch.strided or not q.is_floating_point() or q.device.type != "cpu":
+            raise GdgError(
+                f"{source}: metadata[{index}]: q is no plain tensor of floating-point numbers."
+            )
+        rows.append(VectorRow(q.detach(), *names))
     return rows
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import struct
 import warnings
 import zipfile
 from pathlib import Path
@@ -17,6 +18,7 @@ MAX_BYTES = 16 * 10**9
 UNREADABLE = (
     pickle.UnpicklingError, RuntimeError, EOFError, OSError, ValueError, TypeError, KeyError,
     IndexError, AttributeError, AssertionError, zipfile.BadZipFile, ImportError, MemoryError,
+    struct.error, RecursionError, OverflowError,
 )  # fmt: skip
 
 

@@ -119,3 +119,10 @@ def test_what_is_no_cmap_dataset_is_told(tmp_path: Path) -> None:
     torch.save({"metadata": [(torch.zeros(3), "a", "b", 3)]}, tmp_path / "cmap_dataset.pt")
     with pytest.raises(GdgError, match=r"metadata\[0\] is no tuple of a contact map"):
         read_cmap(tmp_path)
+
+
+@pytest.mark.parametrize("metadata", [[5], [None], [[]], ["abcd"]])
+def test_metadata_that_is_none_is_told(tmp_path: Path, metadata: list[object]) -> None:
+    torch.save({"metadata": metadata}, tmp_path / "cmap_dataset.pt")
+    with pytest.raises(GdgError, match=r"metadata\[0\] is no tuple"):
+        read_cmap(tmp_path)

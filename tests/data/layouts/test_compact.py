@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import math
+import random
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -15,7 +18,13 @@ import torch
 from layout_datasets import assert_same_grasps, grasps_in, random_grasps, with_verdicts
 
 from gdg.data.dataset import ShardInfo, shards, write_shard
-from gdg.data.layouts.compact import Group, read_compact, write_compact
+from gdg.data.layouts.compact import (
+    METADATA_KEY,
+    Group,
+    read_compact,
+    with_checksum,
+    write_compact,
+)
 from gdg.data.layouts.exporting import chosen_shards, valid_grasps
 from gdg.errors import GdgError
 from gdg.hands.hand import Hand, find_hand
@@ -157,13 +166,105 @@ def test_what_is_no_compact_file_is_told(
             read_compact(path)
 
 
+def rewrite(path: Path, table: pa.Table, **header: Any) -> None:
+    """Writes a file anew with a right checksum, and other entries of its header."""
+    stored = json.loads((table.schema.metadata or {})[METADATA_KEY])
+    pq.write_table(with_checksum(table, json.dumps({**stored, **header}).encode()), path)
+
+
+@pytest.fixture
+def small(gripper: Hand, tmp_path: Path) -> Path:
+    """A compact file of four tested grasps."""
+    path = tmp_path / "all.parquet"
+    grasps = with_verdicts(random_grasps(gripper, "mug", 4), 0)
+    write_compact(path, [(info_of(gripper, "mug"), grasps)])
+    return path
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "words"),
+    [
+        ("joints", None, "'joints' is missing"),
+        ("protocol", None, "'protocol' is missing"),
+        ("joints", pa.array([None] * 4, pa.list_(pa.float32())), "'joints' lacks values"),
+        ("joints", pa.array([[0.1, math.nan]] * 4, pa.list_(pa.float32())), "not finite"),
+        ("qw", pa.array([math.nan] * 4, pa.float32()), "'qw' has values that are not finite"),
+        ("qw", pa.array([7.0] * 4, pa.float32()), "not of length 1"),
+        ("x", pa.array(["a"] * 4), "'x' is string, not float"),
+        ("trials_run", pa.array([None] * 4, pa.int8()), "'trials_run' lacks values"),
+    ],
+)
+def test_columns_that_are_wrong_are_told(
+    small: Path, name: str, values: pa.Array | None, words: str
+) -> None:
+    table = pq.read_table(small)
+    place = table.column_names.index(name)
+    changed = table.drop([name]) if values is None else table.set_column(place, name, values)
+    rewrite(small, changed)
+    with pytest.raises(GdgError, match=words):
+        read_compact(small)
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        {"recipes": [1]},
+        {"recipes": {"a": 1}},
+        {"objects": {"mug": ["o", "x", ""]}},
+        {"objects": {"mug": ["o", -1.0, ""]}},
+        {"objects": {"mug": ["o", 1.0, ["test"]]}},
+        {"objects": []},
+        {"hands": {"two_jaws": ["h", 5, "root"]}},
+        {"hands": {"two_jaws": 5}},
+    ],
+)
+def test_facts_that_are_wrong_are_told(small: Path, header: dict[str, Any]) -> None:
+    rewrite(small, pq.read_table(small), **header)
+    with pytest.raises(GdgError, match="is no readable compact file"):
+        read_compact(small)
+
+
+def test_joints_of_other_rows_do_not_make_up_for_missing_ones(small: Path) -> None:
+    table = pq.read_table(small)
+    place = table.column_names.index("joints")
+    uneven = pa.array([[0.1] * n for n in (3, 1, 2, 2)], pa.list_(pa.float32()))
+    rewrite(small, table.set_column(place, "joints", uneven))
+    stored = read_compact(small)
+    ((group, rows),) = stored.groups().items()
+    with pytest.raises(GdgError, match="lack joint values"):
+        stored.grasps(group, rows)
+
+
+def test_a_file_without_a_checksum_is_refused(small: Path) -> None:
+    table = pq.read_table(small)
+    header = {METADATA_KEY: (table.schema.metadata or {})[METADATA_KEY]}
+    pq.write_table(table.replace_schema_metadata(header), small)
+    with pytest.raises(GdgError, match="it has no checksum; export it anew"):
+        read_compact(small)
+
+
+def test_no_bit_of_a_file_changes_unnoticed(small: Path) -> None:
+    data, before = small.read_bytes(), read_compact(small)
+    chance = random.Random(0)
+    for _ in range(200):
+        flipped = bytearray(data)
+        flipped[chance.randrange(len(data))] ^= 1 << chance.randrange(8)
+        small.write_bytes(flipped)
+        try:
+            read = read_compact(small)
+        except GdgError:
+            continue
+        assert read.table.equals(before.table)
+        assert (read.hands, read.objects) == (before.hands, before.objects)
+
+
 def test_rows_that_lack_joints_are_told(gripper: Hand, tmp_path: Path) -> None:
     path = tmp_path / "all.parquet"
     write_compact(path, [(info_of(gripper, "mug"), random_grasps(gripper, "mug", 2))])
     table = pq.read_table(path)
     place = table.column_names.index("joints")
     short = pa.array([[0.1], []], pa.list_(pa.float32()))
-    pq.write_table(table.set_column(place, "joints", short), path)
+    rewrite(path, table.set_column(place, "joints", short))
     stored = read_compact(path)
     ((group, rows),) = stored.groups().items()
     with pytest.raises(GdgError, match="lack joint values"):

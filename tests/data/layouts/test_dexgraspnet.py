@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import os
+import pickle
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -23,7 +25,9 @@ from gdg.data.layouts.importing import import_grasps
 from gdg.data.layouts.lookup import Lookup
 from gdg.data.layouts.rotations import rotation_from_sxyz
 from gdg.errors import GdgError
+from gdg.folders import OBJECTS
 from gdg.hands.hand import Hand, find_hand
+from gdg.objects.spec import read_object_spec
 
 
 def entry(angles: tuple[float, float, float], scale: float, **joints: float) -> dict[str, Any]:
@@ -164,7 +168,7 @@ def test_a_file_with_code_is_refused_and_not_run(tmp_path: Path) -> None:
         ([{"qpos": {"close": 0.1}, "scale": 1.0}], "KeyError: 'WRJTx'"),
         ([{"qpos": [1], "scale": 1.0}], "is no DexGraspNet file"),
         ([entry((0, 0, 0), 1.0, a=1.0), entry((0, 0, 0), 1.0, b=1.0)], "other joints"),
-        ([{**entry((0, 0, 0), 1.0, a=1.0), "scale": None}], "'None' is no number"),
+        ([{**entry((0, 0, 0), 1.0, a=1.0), "scale": None}], "a NoneType is no number"),
     ],
 )
 def test_what_is_no_such_file_is_told(tmp_path: Path, entries: Any, words: str) -> None:
@@ -172,8 +176,89 @@ def test_what_is_no_such_file_is_told(tmp_path: Path, entries: Any, words: str) 
         read_dexgraspnet(save(tmp_path / "mug.npy", entries))
 
 
-@pytest.mark.parametrize("content", [b"", b"PK", b"\x93NUMPY\x01\x00v\x00{'descr'"])
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"", b"PK", b"\x93NUMPY\x01\x00v\x00{'descr'",
+        b"\x93NUMPY\x01\x00\x20\x00" + b"{'descr': '<f8', (((".ljust(31) + b"\n",
+    ],
+)  # fmt: skip
 def test_what_is_no_npy_file_is_told(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "mug.npy").write_bytes(content)
     with pytest.raises(GdgError, match=r"is no .npy file"):
         read_dexgraspnet(tmp_path / "mug.npy")
+
+
+def save_pickle(path: Path, data: bytes) -> Path:
+    """A ``.npy`` file of objects with a pickle of one's own."""
+    header = b"{'descr': '|O', 'fortran_order': False, 'shape': (1,), }".ljust(117) + b"\n"
+    path.write_bytes(b"\x93NUMPY\x01\x00\x76\x00" + header + data)
+    return path
+
+
+def bomb(levels: int = 60) -> list[Any]:
+    """A small list whose text has 2 ** levels parts."""
+    value: list[Any] = []
+    for _ in range(levels):
+        value = [value, value]
+    return value
+
+
+@pytest.mark.parametrize("where", ["joint", "scale", "object", "energy"])
+def test_a_list_that_explodes_in_print_is_refused_at_once(tmp_path: Path, where: str) -> None:
+    grasp = entry((0, 0, 0), 1.0, close=0.01)
+    target, key = (grasp["qpos"], "robot0:close") if where == "joint" else (grasp, where)
+    target[key] = bomb()
+    path = save_pickle(tmp_path / "mug.npy", pickle.dumps([grasp], 4))
+    with pytest.raises(GdgError, match=r"a list is no (number|name)"):
+        read_dexgraspnet(path)
+
+
+def test_values_nested_without_end_are_refused(tmp_path: Path) -> None:
+    nested = b"\x80\x04)" + b"\x85" * 200_000
+    for data in (nested + b".", b"\x80\x04]}(X\x04\x00\x00\x00qpos" + nested[2:] + b"uea."):
+        with pytest.raises(GdgError, match=r"mug.npy: is "):
+            read_dexgraspnet(save_pickle(tmp_path / "mug.npy", data))
+
+
+def test_an_integer_beyond_every_float_is_infinite(tmp_path: Path) -> None:
+    grasp = entry((0, 0, 0), 1.0, close=0.01)
+    grasp["qpos"]["robot0:close"] = 10**400
+    (read,) = read_dexgraspnet(save(tmp_path / "mug.npy", [grasp]))
+    assert math.isinf(read.joints[0, 0])
+
+
+def test_scales_of_a_test_object_are_test_objects(
+    gripper: Hand, lookup: Lookup, tmp_path: Path
+) -> None:
+    apple = OBJECTS.all()["apple"].path
+    shutil.copy(apple / read_object_spec(apple).mesh, tmp_path / "innocent.stl")
+    lookup = replace(
+        lookup,
+        hands={"": str(gripper.folder)},
+        objects={name: str(tmp_path / "innocent.stl") for name in ("innocent", "innocent@0.9")},
+    )
+    (tmp_path / "in").mkdir()
+    grasps = [entry((0.1, 0.2, 0.3), scale, close=0.01) for scale in (0.9, 1.0)]
+    for name in ("apple", "innocent"):
+        save(tmp_path / "in" / f"{name}.npy", grasps)
+    import_grasps("dexgraspnet", read_dexgraspnet(tmp_path / "in"), lookup, tmp_path / "out")
+    found = {info.object_name: info.split for info in shards(tmp_path / "out")}
+    assert found == dict.fromkeys(("apple", "apple@0.9", "innocent", "innocent@0.9"), "test")
+
+
+def test_paths_are_stored_so_that_they_hold_in_any_folder(
+    gripper: Hand, lookup: Lookup, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cube = OBJECTS.all()["cube_small"].path
+    mesh = cube / read_object_spec(cube).mesh
+    shutil.copy(mesh, tmp_path / f"mesh{mesh.suffix}")
+    monkeypatch.chdir(tmp_path)
+    save(tmp_path / "thing.npy", [entry((0.1, 0.2, 0.3), 1.0, close=0.01)])
+    lookup = Lookup(
+        hands={"": os.path.relpath(gripper.folder)}, objects={"thing": f"./mesh{mesh.suffix}"}
+    )
+    import_grasps("dexgraspnet", read_dexgraspnet(Path("thing.npy")), lookup, Path("out"))
+    (info,) = shards(tmp_path / "out")
+    assert info.object_path == str((tmp_path / f"mesh{mesh.suffix}").resolve())
+    assert info.hand_path == str(gripper.folder.resolve())

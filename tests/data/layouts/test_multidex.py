@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -209,3 +211,44 @@ def test_a_file_may_not_name_paths(lookup: Lookup, tmp_path: Path, name: str) ->
     report = import_grasps("multidex", read_multidex(file), lookup, tmp_path / "out")
     assert report.pairs == 0
     assert "may not say where to look" in report.skipped[0]
+
+
+@pytest.mark.parametrize("name", ["bo\0wl", "\ud800", "a\nb"])
+def test_names_that_can_not_be_printed_are_told(lookup: Lookup, tmp_path: Path, name: str) -> None:
+    q, _ = vectors(1, 2)
+    file = authors_file(tmp_path / "two_jaws.pt", "two_jaws", q, name)
+    report = import_grasps("multidex", read_multidex(file), lookup, tmp_path / "out")
+    (told,) = report.skipped
+    assert "has characters that can't be printed" in told
+    assert told.isprintable()
+
+
+@pytest.mark.parametrize("name", ["../escaped", "/escaped", "a\\b", ".x", "", "a\0b"])
+def test_an_export_never_leaves_its_folder(
+    dataset: Callable[..., Path], lookup: Lookup, tmp_path: Path, name: str
+) -> None:
+    (pair,) = pairs_to_export(chosen_shards(dataset("mug")), lookup)
+    hostile = replace(pair, grasps=replace(pair.grasps, hand=name))
+    with pytest.raises(GdgError, match="its name can't be a file's name"):
+        write_multidex([pair, hostile], tmp_path / "deep" / "out")
+    assert not (tmp_path / "deep").exists()
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda q: q.to_sparse(), lambda q: q.to(torch.complex64), lambda q: q.to(torch.int64),
+    ],
+)  # fmt: skip
+def test_a_vector_that_is_no_plain_tensor_is_told(tmp_path: Path, change: Any) -> None:
+    q, _ = vectors(1, 2)
+    torch.save({"metadata": [(change(q[0]), "mug", "jaws")]}, tmp_path / "jaws.pt")
+    with pytest.raises(GdgError, match="q is no plain tensor of floating-point numbers"):
+        read_multidex(tmp_path / "jaws.pt")
+
+
+def test_a_vector_that_wants_a_gradient_is_read(tmp_path: Path) -> None:
+    q, _ = vectors(1, 2)
+    torch.save({"metadata": [(q[0].requires_grad_(), "mug", "jaws")]}, tmp_path / "jaws.pt")
+    (read,) = read_multidex(tmp_path / "jaws.pt")
+    np.testing.assert_allclose(read.joints[0], q[0, -2:].detach())

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import pickle
 import pickletools
+import re
 from pathlib import Path
 from typing import Any
 
@@ -146,3 +147,24 @@ def test_the_reader_knows_no_opcode_that_calls_a_class() -> None:
     known = {*plain_pickle._ACTIONS, *plain_pickle._PUSHES}
     assert not forbidden & known
     assert known <= {opcode.name for opcode in pickletools.opcodes}
+
+
+@pytest.mark.parametrize("shape", [b"h\x00", b"(h\x00t"])
+@pytest.mark.parametrize("dtype", [b"O8", b"f8"])
+def test_a_shape_that_explodes_in_print_is_refused_at_once(shape: bytes, dtype: bytes) -> None:
+    bomb = b")q\x00" + b"h\x00\x86q\x00" * 60  # a pair of pairs of pairs, 60 deep
+    array = b"cnumpy.core.multiarray\n_reconstruct\n(cnumpy\nndarray\nK\x00tR"
+    kind = b"cnumpy\ndtype\n(X\x02\x00\x00\x00" + dtype + b"tR"
+    content = b"]" if dtype == b"O8" else b"C\x08" + bytes(8)
+    data = b"\x80\x03" + array + b"(" + bomb + shape + kind + b"\x89" + content + b"tb."
+    assert re.search("in place of a int|more than one axis", refusal(data))
+
+
+@pytest.mark.parametrize("code", ["f8,(", "(" * 300, "O8,f8", "S3", "f99", "(2,3)f8"])
+def test_a_dtype_of_anything_but_numbers_is_refused(code: str) -> None:
+    text = code.encode()
+    data = (
+        b"\x80\x03cnumpy.core.multiarray\nscalar\n(cnumpy\ndtype\n(X"
+        + len(text).to_bytes(4, "little") + text + b"tRC\x08" + bytes(8) + b"tR."
+    )  # fmt: skip
+    assert "is refused" in refusal(data)

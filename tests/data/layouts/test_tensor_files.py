@@ -66,3 +66,13 @@ def test_a_file_that_is_too_large_is_refused(
     monkeypatch.setattr(tensor_files, "MAX_BYTES", 1000)
     with pytest.raises(GdgError, match="is larger than"):
         read_tensor_file(tmp_path / "a.pt")
+
+
+def test_a_file_of_the_old_kind_that_was_cut_off_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.pt"
+    torch.save({"metadata": [torch.arange(9.0)]}, path, _use_new_zipfile_serialization=False)
+    data = path.read_bytes()
+    for length in range(0, len(data), 5):
+        path.write_bytes(data[:length])
+        with pytest.raises(GdgError, match=r"a.pt: is refused"):
+            read_tensor_file(path)

@@ -16,7 +16,7 @@ from gdg.kinds.distance import Distance
 from gdg.kinds.fitter import Fitter, Progress
 from gdg.kinds.hand_model import HandModel
 from gdg.objects.model import ObjectModel
-from gdg.penetration import penetration
+from gdg.penetration import penetration, self_penetration
 from gdg.rotations import ROOT_DIM, q_from_pose, root_pose
 
 from .options import EvolutionOptions
@@ -157,7 +157,7 @@ class EvolutionFitter(Fitter):
         return Terms(
             contact=(values - targets).abs().mean(-1),
             penetration=inside.summed,
-            self_penetration=hand.self_penetration(poses),
+            self_penetration=self_penetration(hand, poses),
             depth=inside.depth,
             values=values,
         )
