@@ -7,9 +7,12 @@ bounding balls, so the cost follows the number of links near a surface.
 from __future__ import annotations
 
 import math
+from typing import TypeAlias
 
 import numpy as np
 from numba import njit, prange
+
+Real: TypeAlias = "float | np.float32"
 
 ZERO, ONE, NAN = np.float32(0.0), np.float32(1.0), np.float32(np.nan)
 #: Spheres with one centre push each other nowhere; this keeps the division defined, metres.
@@ -21,7 +24,7 @@ SLACK_M = np.float32(1e-5)
 
 
 @njit(inline="always")
-def _cell(x: float, low: float, spacing: float, count: int) -> tuple[int, float, float]:
+def _cell(x: Real, low: Real, spacing: Real, count: int) -> tuple[int, float, Real]:
     """Node below the grid's point nearest to x, share of the way to the next, and x − point."""
     y = (x - low) / spacing
     inside = min(y, np.float32(count - 1)) if y > ZERO else ZERO
@@ -30,15 +33,15 @@ def _cell(x: float, low: float, spacing: float, count: int) -> tuple[int, float,
 
 
 @njit(inline="always")
-def _slope(own: float, excess: float, beyond: float, spacing: float) -> float:
+def _slope(own: Real, excess: Real, beyond: Real, spacing: Real) -> Real:
     """Derivative along one axis: of the way to the grid beyond it, of the values inside."""
     return excess / beyond if excess != ZERO else own / spacing
 
 
 @njit(inline="always")
 def _field(
-    values: np.ndarray, low: np.ndarray, spacing: float, x: float, y: float, z: float
-) -> tuple[float, float, float, float, float]:
+    values: np.ndarray, low: np.ndarray, spacing: Real, x: Real, y: Real, z: Real
+) -> tuple[Real, Real, Real, Real, Real]:
     """Trilinear distance at the grid's point nearest to (x, y, z), and how far that is, metres.
 
     Then the gradient of their sum, which is ``SignedDistanceGrid.distance``.
@@ -68,7 +71,7 @@ def _field(
 
 
 @njit(inline="always")
-def _place(T: np.ndarray, local: np.ndarray) -> tuple[float, float, float]:
+def _place(T: np.ndarray, local: np.ndarray) -> tuple[Real, Real, Real]:
     a, b, c = local[0], local[1], local[2]
     return (
         T[0, 0] * a + T[0, 1] * b + T[0, 2] * c + T[0, 3],
@@ -78,7 +81,7 @@ def _place(T: np.ndarray, local: np.ndarray) -> tuple[float, float, float]:
 
 
 @njit(inline="always")
-def _pull(G: np.ndarray, local: np.ndarray, fx: float, fy: float, fz: float) -> None:
+def _pull(G: np.ndarray, local: np.ndarray, fx: Real, fy: Real, fz: Real) -> None:
     """Adds ∂(f · T local)/∂T to G."""
     a, b, c = local[0], local[1], local[2]
     G[0, 0] += fx * a
@@ -96,7 +99,7 @@ def _pull(G: np.ndarray, local: np.ndarray, fx: float, fy: float, fz: float) -> 
 
 
 @njit(inline="always")
-def _gap(values: np.ndarray, low: np.ndarray, cell: float, x: float, y: float, z: float) -> float:
+def _gap(values: np.ndarray, low: np.ndarray, cell: Real, x: Real, y: Real, z: Real) -> Real:
     """``SignedDistanceGrid.distance``."""
     value, beyond, _x, _y, _z = _field(values, low, cell, x, y, z)
     return value + beyond
@@ -104,7 +107,7 @@ def _gap(values: np.ndarray, low: np.ndarray, cell: float, x: float, y: float, z
 
 @njit(inline="always")
 def _far(
-    T: np.ndarray, values: np.ndarray, low: np.ndarray, cell: float, ball: np.ndarray, reach: float
+    T: np.ndarray, values: np.ndarray, low: np.ndarray, cell: Real, ball: np.ndarray, reach: Real
 ) -> bool:
     """Whether a link, within its ball, is certainly farther than ``reach`` from the object."""
     x, y, z = _place(T, ball)
@@ -128,14 +131,14 @@ def object_penetration(
     Ts: np.ndarray,
     values: np.ndarray,
     low: np.ndarray,
-    spacing: float,
+    spacing: Real,
     balls: np.ndarray,
     points: np.ndarray,
     point_starts: np.ndarray,
     spheres: np.ndarray,
     sphere_starts: np.ndarray,
-    stride: float,
-    margin: float,
+    stride: Real,
+    margin: Real,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Σ relu(m − δ) of points (× ``stride``) plus Σ relu(m + r − δ) of spheres, and the largest.
 
@@ -242,12 +245,12 @@ def self_penetration(
 @njit(inline="always")
 def _apart(
     T_i: np.ndarray, a: np.ndarray, T_j: np.ndarray, b: np.ndarray
-) -> tuple[float, float, float, float]:
+) -> tuple[Real, Real, Real, Real]:
     """From point b on link j to point a on link i, and the length of that."""
     ax, ay, az = _place(T_i, a)
     bx, by, bz = _place(T_j, b)
     x, y, z = ax - bx, ay - by, az - bz
-    return x, y, z, max(math.sqrt(x * x + y * y + z * z), NEARLY_ZERO_M)  # type: ignore[return-value]
+    return x, y, z, max(math.sqrt(x * x + y * y + z * z), NEARLY_ZERO_M)
 
 
 @njit(cache=True, parallel=True, error_model="numpy")
@@ -255,13 +258,13 @@ def touching_links(
     Ts: np.ndarray,
     values: np.ndarray,
     low: np.ndarray,
-    spacing: float,
+    spacing: Real,
     balls: np.ndarray,
     points: np.ndarray,
     point_starts: np.ndarray,
     spheres: np.ndarray,
     sphere_starts: np.ndarray,
-    margin: float,
+    margin: Real,
 ) -> np.ndarray:
     """Whether a point or sphere of each link is within ``margin`` of the object, (batch, link).
 
