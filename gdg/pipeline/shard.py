@@ -111,9 +111,9 @@ def make_shards(group: ShardGroup) -> tuple[MadeShard, ...]:
 
     Memory stays bounded however many shards a worker makes: it holds the pairs (hand, object,
     components) of ``GROUPS_KEPT`` groups and the group's shards, whose size is set by the
-    ``shard`` option and the planner's batch (Allegro with planner dfc, ``shard=32``, one shard:
-    0.6 GB, most of it libraries; each further object some 40 MB). A file depends only on its
-    task's key, but for the seconds in its provenance.
+    ``shard`` option and the planner's batch (Allegro with planner dfc, one shard: 0.8 GB, mostly
+    libraries, 1.1 GB while a mesh is prepared for the first time; each further object 40 MB).
+    A file depends only on its task's key, but for the seconds in its provenance.
 
     Raises:
         GdgError: a mistake in what the user gave, or this worker sees other files than the driver.
