@@ -31,14 +31,16 @@ def close_until_touch(
     goal = hand.closed_posture.expand_as(joints)
     step = (hand.closed_posture - hand.open_posture) / STEPS
     moves = moved_links(hand)
+    first, second = link_pairs(hand).unbind(-1)
+    parts = moves[:, first] ^ moves[:, second]
     for _ in range(STEPS):
         ahead = (goal - joints) * step.sign() > step.abs() / 2
-        free = ahead & ~_held(hand, obj, torch.cat((root, joints), dim=-1), moves, margin_m)
+        free = ahead & ~_held(hand, obj, torch.cat((root, joints), dim=-1), moves, parts, margin_m)
         # a joint that would press a link into the object keeps its value; twice, since joints
         # that stop change where those that go on take their links
         for _ in range(2):
             trial = joints + torch.where(free, step, torch.zeros_like(step))
-            free &= ~_held(hand, obj, torch.cat((root, trial), dim=-1), moves, margin_m)
+            free &= ~_held(hand, obj, torch.cat((root, trial), dim=-1), moves, parts, margin_m)
         if not free.any():
             break
         joints = joints + torch.where(free, step, torch.zeros_like(step))
@@ -57,12 +59,11 @@ def _held(
     obj: ObjectModel,
     q: Float[Tensor, "batch dof"],
     moves: Bool[Tensor, "joint link"],
+    parts: Bool[Tensor, "joint link_pair"],
     margin_m: float,
 ) -> Bool[Tensor, "batch joint"]:
-    """Which joints move a link that touches the object, or one of two links that cross."""
+    """Which joints move a link that touches the object, or ``parts`` two links that cross."""
     Ts = hand.link_poses(q)
-    first, second = link_pairs(hand).unbind(-1)
-    parts = moves[:, first] ^ moves[:, second]
     on_object = touching_links(hand, obj, Ts, margin_m)[:, None] & moves
     on_hand = crossing_pairs(hand, Ts)[:, None] & parts
     return on_object.any(-1) | on_hand.any(-1)

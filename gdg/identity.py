@@ -14,9 +14,8 @@ import numpy as np
 from gdg.cache import content_hash
 from gdg.errors import GdgError
 from gdg.folders import OBJECTS
-from gdg.geometry.mesh import load_mesh
 from gdg.hands.hand import Hand, find_hand
-from gdg.objects.model import _check_size, _repair
+from gdg.objects.model import checked_mesh
 from gdg.objects.spec import read_object_spec
 
 #: Numbers closer than this are the same: metres, radians.
@@ -84,13 +83,7 @@ def object_hash(given: str, scale: float = 1.0) -> str:
     """
     found = OBJECTS.find(given).path
     path = found if found.is_file() else found / read_object_spec(found).mesh
-    mesh = load_mesh(path)
-    if scale != 1.0:
-        mesh.apply_scale(scale)
-    _check_size(path, mesh)
-    mesh, _ = _repair(path, mesh)
-    vertices, faces = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64)
-    return content_hash("object-3", vertices.tobytes(), faces.tobytes())
+    return checked_mesh(path, scale)[2]
 
 
 def body_hash(hand: Hand) -> str:

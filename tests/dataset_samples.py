@@ -10,6 +10,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 import torch
+from grasp_samples import make_verdict
 
 from gdg.data.contacts import ContactSet
 from gdg.data.grasps import GraspSet
@@ -23,21 +24,17 @@ FACTS = {"hand_hash": HAND_HASH, "object_hash": OBJECT_HASH, "split": "train"}
 
 def sample_verdict(success: bool) -> Verdict:
     """A verdict whose figures don't matter."""
-    return Verdict(
-        success=success,
+    return make_verdict(
+        success,
         failure="" if success else "moved",
-        displacement_m=(0.001,) * 6,
-        rotation_rad=(0.0,) * 6,
         drift_m=0.0,
-        contact_kept=(True,) * 6,
+        rotation_rad=(0.0,) * 6,
         penetration_start_mm=0.5,
         penetration_end_mm=0.25,
         free_displacement_m=0.25,
         shift_successes=(success,),
-        protocol="dro-2024-v1",
         engine="none",
         refined=False,
-        seconds=0.1,
     )
 
 

@@ -123,16 +123,7 @@ def load_object(path: Path, name: str, scale: float = 1.0, split: str = "") -> O
     Raises:
         GdgError: unreadable, empty, too many faces, of implausible size, or not closed.
     """
-    mesh = load_mesh(path)
-    if not (math.isfinite(scale) and scale > 0):
-        raise GdgError(f"object_scale={scale:g}: must be a positive number, e.g. 0.001.")
-    if scale != 1.0:
-        mesh.apply_scale(scale)
-    _check_size(path, mesh)
-    mesh, notes = _repair(path, mesh)
-    vertices = np.asarray(mesh.vertices, np.float64)
-    faces = np.asarray(mesh.faces, np.int64)
-    key = content_hash("object-3", vertices.tobytes(), faces.tobytes())
+    mesh, notes, key = checked_mesh(path, scale)
     arrays = cached_arrays("object", key, lambda: _compute(path, mesh))
     tensors = {k: torch.from_numpy(np.asarray(v, np.float32)) for k, v in arrays.items()}
     return ObjectModel(
@@ -149,6 +140,24 @@ def load_object(path: Path, name: str, scale: float = 1.0, split: str = "") -> O
         split=split,
         content_hash=key,
     )
+
+
+def checked_mesh(path: Path, scale: float = 1.0) -> tuple[trimesh.Trimesh, tuple[str, ...], str]:
+    """An object's mesh in metres, what was repaired, and the content hash that names it.
+
+    Raises:
+        GdgError: as ``load_object``.
+    """
+    mesh = load_mesh(path)
+    if not (math.isfinite(scale) and scale > 0):
+        raise GdgError(f"object_scale={scale:g}: must be a positive number, e.g. 0.001.")
+    if scale != 1.0:
+        mesh.apply_scale(scale)
+    _check_size(path, mesh)
+    mesh, notes = _repair(path, mesh)
+    vertices = np.asarray(mesh.vertices, np.float64)
+    faces = np.asarray(mesh.faces, np.int64)
+    return mesh, notes, content_hash("object-3", vertices.tobytes(), faces.tobytes())
 
 
 def _check_size(path: Path, mesh: trimesh.Trimesh) -> None:

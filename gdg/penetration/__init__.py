@@ -19,7 +19,7 @@ from gdg.kinds.hand_model import HandModel
 from gdg.objects.batch import ObjectBatch
 from gdg.objects.model import ObjectModel
 from gdg.penetration import eager
-from gdg.penetration.blocks import link_blocks
+from gdg.penetration.blocks import link_blocks, pose_array
 from gdg.penetration.nearest_point import nearest_point_penetration
 
 __all__ = [
@@ -110,11 +110,7 @@ class _ObjectPenetration(torch.autograd.Function):
                 grid.values.numpy(),
                 grid.origin.numpy(),
                 grid.spacing,
-                blocks.balls,
-                blocks.points,
-                blocks.point_starts,
-                blocks.spheres,
-                blocks.sphere_starts,
+                *blocks.shape_arguments,
                 float(stride),
                 margin_m,
             )
@@ -141,15 +137,8 @@ class _SelfPenetration(torch.autograd.Function):
     def forward(ctx: Any, Ts: Tensor, hand: HandModel) -> Tensor:
         from gdg.penetration import compiled
 
-        blocks = link_blocks(hand)
         summed, gradient = compiled.self_penetration(
-            Ts.detach().float().contiguous().numpy(),
-            blocks.balls,
-            blocks.link_pairs,
-            blocks.pair_starts,
-            blocks.pairs,
-            blocks.reach,
-            blocks.spheres,
+            pose_array(Ts), *link_blocks(hand).pair_arguments
         )
         ctx.save_for_backward(torch.from_numpy(gradient))
         return torch.from_numpy(summed)

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from weakref import WeakKeyDictionary
 
 import numpy as np
+from jaxtyping import Float
+from torch import Tensor
 
 from gdg.kinds.hand_model import HandModel
 
@@ -37,6 +39,22 @@ class LinkBlocks:
     pair_starts: np.ndarray
     pairs: np.ndarray
     reach: np.ndarray
+
+    @property
+    def shape_arguments(self) -> tuple[np.ndarray, ...]:
+        """What compiled passes over an object take of a hand, in order."""
+        return self.balls, self.points, self.point_starts, self.spheres, self.sphere_starts
+
+    @property
+    def pair_arguments(self) -> tuple[np.ndarray, ...]:
+        """What compiled passes over a hand alone take, in order."""
+        pairs = (self.link_pairs, self.pair_starts, self.pairs, self.reach)
+        return self.balls, *pairs, self.spheres
+
+
+def pose_array(Ts_world_link: Float[Tensor, "batch link 4 4"]) -> np.ndarray:
+    """Link poses as compiled passes take them."""
+    return Ts_world_link.detach().float().contiguous().numpy()
 
 
 _CACHE: WeakKeyDictionary[HandModel, dict[int, LinkBlocks]] = WeakKeyDictionary()

@@ -9,7 +9,7 @@ from torch import Tensor
 from gdg.kinds.hand_model import HandModel
 from gdg.objects.model import ObjectModel
 from gdg.penetration import eager
-from gdg.penetration.blocks import link_blocks
+from gdg.penetration.blocks import link_blocks, pose_array
 
 
 def touching_links(
@@ -23,17 +23,12 @@ def touching_links(
         return eager.touching_links(hand, obj.sdf, Ts_world_link, margin_m)
     from gdg.penetration import compiled  # compiles (or loads its cache) on import
 
-    blocks = link_blocks(hand)
     found = compiled.touching_links(
-        Ts_world_link.detach().float().contiguous().numpy(),
+        pose_array(Ts_world_link),
         obj.sdf.values.numpy(),
         obj.sdf.origin.numpy(),
         obj.sdf.spacing,
-        blocks.balls,
-        blocks.points,
-        blocks.point_starts,
-        blocks.spheres,
-        blocks.sphere_starts,
+        *link_blocks(hand).shape_arguments,
         margin_m,
     )
     return torch.from_numpy(found)
@@ -47,16 +42,7 @@ def crossing_pairs(
         return eager.crossing_pairs(hand, Ts_world_link)
     from gdg.penetration import compiled
 
-    blocks = link_blocks(hand)
-    found = compiled.crossing_pairs(
-        Ts_world_link.detach().float().contiguous().numpy(),
-        blocks.balls,
-        blocks.link_pairs,
-        blocks.pair_starts,
-        blocks.pairs,
-        blocks.reach,
-        blocks.spheres,
-    )
+    found = compiled.crossing_pairs(pose_array(Ts_world_link), *link_blocks(hand).pair_arguments)
     return torch.from_numpy(found)
 
 

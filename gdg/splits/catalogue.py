@@ -33,8 +33,18 @@ def catalogue_test_names() -> frozenset[str]:
 
 
 def catalogue_test_hashes() -> frozenset[str]:
-    """Content hashes of the test objects that gdg finds now; each mesh is read once per process."""
-    return frozenset(_hash(folder, _stamp(folder / spec.mesh)) for folder, spec in _test_objects())
+    """Content hashes of the test objects that gdg finds now."""
+    return frozenset(catalogue_tests().values())
+
+
+def catalogue_tests() -> dict[str, str]:
+    """Name -> content hash of the test objects that gdg finds now, "" where none can be read.
+
+    Each mesh is read once per process.
+    """
+    return {
+        spec.name: _hash(folder, _stamp(folder / spec.mesh)) for folder, spec in _test_objects()
+    }
 
 
 def _test_objects() -> Iterator[tuple[Path, ObjectSpec]]:

@@ -8,10 +8,10 @@ import numpy as np
 
 from gdg.data.shards import ShardInfo
 from gdg.errors import GdgError, did_you_mean, raise_if_any
-from gdg.folders import HANDS, OBJECTS
+from gdg.folders import HANDS
 from gdg.identity import Assets, body_hash
-from gdg.objects.spec import MANIFEST, read_object_spec
 from gdg.splits import HandSplit, LockedHand, LockedObject, ObjectSplit, SplitLock, bare_name
+from gdg.splits.catalogue import catalogue_tests
 from gdg.validation import validated
 
 TEST = "test"
@@ -56,7 +56,7 @@ def make_split(
         mistakes.append("every hand of the dataset is held out; none is left to train on.")
     raise_if_any(mistakes)
     hands = _hands(found, held_out, assets)
-    tests = _catalogue_tests(assets)
+    tests = {LockedObject(name=name, hash=key) for name, key in catalogue_tests().items()}
     entries = {LockedObject(name=info.object_name, hash=info.object_hash) for info in found}
     kinds = _kinds(entries | tests)
     said = {LockedObject(name=i.object_name, hash=i.object_hash) for i in found if i.split == TEST}
@@ -112,16 +112,6 @@ def choose_validation(names: Iterable[str], share: float, seed: int) -> set[str]
         )
     order = np.random.default_rng(seed).permutation(len(ordered))
     return {ordered[index] for index in order[:count]}
-
-
-def _catalogue_tests(assets: Assets) -> set[LockedObject]:
-    folders = [folder for folder in OBJECTS.all().values() if (folder.path / MANIFEST).is_file()]
-    return {
-        LockedObject(name=spec.name, hash=assets.object_hash(str(folder.path)) or "")
-        for folder in folders
-        for spec in [read_object_spec(folder.path)]
-        if spec.split == TEST
-    }
 
 
 def _hands(found: Sequence[ShardInfo], held_out: Collection[str], assets: Assets) -> HandSplit:

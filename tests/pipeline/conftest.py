@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from gdg_plugins.simulator_sapien.simulator import SapienSimulator
+from grasp_samples import make_verdict
 from gripper import write_gripper
 
 from gdg.cli.settings import configs_from
@@ -25,21 +26,11 @@ QUICK = (
 
 
 def verdict(success: bool, protocol: str = "dro-2024-v1") -> Verdict:
-    return Verdict(
-        success=success,
-        failure="" if success else "drifted",
-        displacement_m=(0.001,) * 6,
-        rotation_rad=(0.01,) * 6,
-        drift_m=0.002,
-        contact_kept=(True,) * 6,
-        penetration_start_mm=1.5,
-        penetration_end_mm=0.5,
-        free_displacement_m=0.034,
+    return make_verdict(
+        success,
         shift_successes=(success, success, True),
         protocol=protocol,
         engine="answers 1.0",
-        refined=True,
-        seconds=0.1,
     )
 
 

@@ -13,6 +13,7 @@ import pytest
 import torch
 from gdg_plugins.generator_cvae.module import CvaeModule
 from gdg_plugins.generator_cvae.weights import load_weights
+from grasp_samples import make_verdict
 from pydantic import ValidationError
 
 from gdg.config import ComponentChoice
@@ -282,22 +283,7 @@ def test_maps_are_cached_and_made_again_where_the_cache_is_damaged(
 
 
 def verdict(success: bool) -> Verdict:
-    return Verdict(
-        success=success,
-        failure="" if success else "moved",
-        displacement_m=(0.0,) * 6,
-        rotation_rad=(0.0,) * 6,
-        drift_m=0.0,
-        contact_kept=(True,) * 6,
-        penetration_start_mm=0.0,
-        penetration_end_mm=0.0,
-        free_displacement_m=0.25,
-        shift_successes=(success,),
-        protocol="dro-2024-v1",
-        engine="none",
-        refined=False,
-        seconds=0.1,
-    )
+    return make_verdict(success, shift_successes=(success,), refined=False)
 
 
 def test_only_grasps_that_passed_are_learned_from() -> None:
