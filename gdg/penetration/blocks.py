@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeAlias
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -10,6 +11,9 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gdg.kinds.hand_model import HandModel
+
+
+Array: TypeAlias = np.ndarray
 
 
 @dataclass(frozen=True)
@@ -41,15 +45,15 @@ class LinkBlocks:
     reach: np.ndarray
 
     @property
-    def shape_arguments(self) -> tuple[np.ndarray, ...]:
+    def shape_arguments(self) -> tuple[Array, Array, Array, Array, Array]:
         """What compiled passes over an object take of a hand, in order."""
         return self.balls, self.points, self.point_starts, self.spheres, self.sphere_starts
 
     @property
-    def pair_arguments(self) -> tuple[np.ndarray, ...]:
+    def pair_arguments(self) -> tuple[Array, Array, Array, Array, Array, Array]:
         """What compiled passes over a hand alone take, in order."""
         pairs = (self.link_pairs, self.pair_starts, self.pairs, self.reach)
-        return self.balls, *pairs, self.spheres
+        return (self.balls, *pairs, self.spheres)
 
 
 def pose_array(Ts_world_link: Float[Tensor, "batch link 4 4"]) -> np.ndarray:
