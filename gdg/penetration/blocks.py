@@ -12,7 +12,6 @@ from torch import Tensor
 
 from gdg.kinds.hand_model import HandModel
 
-
 Array: TypeAlias = np.ndarray
 
 
