@@ -2,56 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import trimesh
 
 from gdg.hands.hand import Hand
-from gdg.hands.urdf import Joint
 from gdg.protocols import Protocol
+from gdg.simulation.bodies import Body, hand_bodies, joint_drive, moving_limits
+from gdg.simulation.mass import link_mass
 
-from .engine import Surface, part_shape, physx, pose_from_matrix, sapien
-from .mass import link_mass
+from .engine import Surface, part_shape, physx, pose_from_matrix, sapien, set_mass
 from .options import SapienOptions
 
 #: PhysX's way of saying that a drive has no force limit.
 UNLIMITED = float(np.finfo(np.float32).max)
-#: A motor's rotor inertia acts on a prismatic joint as if through a lever this long, metres.
-PRISMATIC_LEVER = 0.05
-
-
-@dataclass(frozen=True)
-class Body:
-    """One rigid body of the hand: links that fixed joints join.
-
-    Attributes:
-        joint: the moving joint that carries it; None for the root body.
-        parent: index of the parent body, -1 for the root body.
-        T_parent_body: pose in the parent body at joint value zero.
-        Ts_body_link: pose of every link of this body, by name.
-    """
-
-    joint: Joint | None
-    parent: int
-    T_parent_body: np.ndarray
-    Ts_body_link: dict[str, np.ndarray]
-
-
-def hand_bodies(hand: Hand) -> list[Body]:
-    """The hand's rigid bodies, parents before children; the frame of a body is its first link's."""
-    bodies = [Body(None, -1, np.eye(4), {hand.urdf.root: np.eye(4)})]
-    of_link = {hand.urdf.root: 0}
-    for joint in hand.urdf.joints.values():
-        parent = of_link[joint.parent]
-        T_parent_child = bodies[parent].Ts_body_link[joint.parent] @ joint.T_parent_child
-        if joint.type == "fixed":
-            of_link[joint.child] = parent
-            bodies[parent].Ts_body_link[joint.child] = T_parent_child
-        else:
-            of_link[joint.child] = len(bodies)
-            bodies.append(Body(joint, parent, T_parent_child, {joint.child: np.eye(4)}))
-    return bodies
 
 
 class HandArticulation:
@@ -101,7 +64,7 @@ class HandArticulation:
             self.entities.append(entity)
             meshes = self._attach_shapes(link, body, surface)
             mass = sum(self.hand.urdf.links[name].mass for name in body.Ts_body_link)
-            link_mass(mass, meshes).apply(link)
+            set_mass(link, link_mass(mass, meshes))
             link.disable_gravity = True
             link.max_depenetration_velocity = protocol.start.max_depenetration_velocity
             link.name = next(iter(body.Ts_body_link))
@@ -131,28 +94,15 @@ class HandArticulation:
         made.type = "prismatic" if body.joint.type == "prismatic" else "revolute"
         made.pose_in_child = pose_from_matrix(T_child_joint)
         made.pose_in_parent = pose_from_matrix(body.T_parent_body @ T_child_joint)
-        made.limit = np.array(self._limits(body.joint), np.float32)
+        made.limit = np.array(moving_limits(self.hand, body.joint), np.float32)
         made.friction = 0.0
-
-    def _limits(self, joint: Joint) -> tuple[float, float]:
-        """The joint's limits, widened where its master's range takes a mimic joint beyond them."""
-        if joint.name in self.hand.spec.joints:
-            return joint.lower, joint.upper
-        matrix, offset = self.hand.coupling
-        row = self._row[joint.name]
-        ends = np.outer(matrix[row], [1, 1]) * np.array(self.hand.limits()).T
-        low, high = ends.min(1).sum() + offset[row], ends.max(1).sum() + offset[row]
-        return min(joint.lower, low), max(joint.upper, high)
 
     def _set_drives(self, protocol: Protocol, options: SapienOptions) -> None:
         for joint in self._articulation.active_joints:
-            own = self.hand.spec.drives.of(joint.name)
-            gains = protocol.drive or own
-            limited = protocol.drive is None or options.force_limits
-            limit = own.force_limit if limited else UNLIMITED
-            joint.set_drive_properties(gains.stiffness, gains.damping, limit, "force")
-            lever = PRISMATIC_LEVER if joint.type == "prismatic" else 1.0
-            joint.armature = np.full(joint.dof, options.armature / lever**2, np.float32)
+            drive = joint_drive(self.hand, self.hand.urdf.joints[joint.name], protocol, options)
+            limit = UNLIMITED if drive.force_limit is None else drive.force_limit
+            joint.set_drive_properties(drive.stiffness, drive.damping, limit, "force")
+            joint.armature = np.full(joint.dof, drive.armature, np.float32)
 
     def place(self, T_world_root: np.ndarray, moving: np.ndarray, targets: np.ndarray) -> None:
         """Puts the hand at rest somewhere; joint values of all moving joints, rad or m."""

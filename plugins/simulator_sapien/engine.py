@@ -10,6 +10,7 @@ import numpy as np
 import trimesh
 
 from gdg.hands.geometry import ConvexPart
+from gdg.simulation.mass import MassProperties
 
 with warnings.catch_warnings():
     # SAPIEN looks for a Vulkan library when imported; nothing is rendered here
@@ -79,6 +80,16 @@ def pose_from_matrix(T: np.ndarray) -> sapien.Pose:
     """SAPIEN's pose of a 4×4 matrix."""
     quat_wxyz = trimesh.transformations.quaternion_from_matrix(np.asarray(T, np.float64))
     return sapien.Pose(vector(T[:3, 3]), vector(quat_wxyz))
+
+
+def set_mass(body: physx.PhysxRigidBodyComponent, properties: MassProperties) -> None:
+    """Gives a body these mass properties in place of those of its shapes."""
+    T_body_principal = np.eye(4)
+    T_body_principal[:3, :3] = properties.rotation
+    T_body_principal[:3, 3] = properties.center
+    body.mass = properties.mass
+    body.cmass_local_pose = pose_from_matrix(T_body_principal)
+    body.set_inertia(vector(properties.moments))
 
 
 def part_shape(

@@ -9,10 +9,11 @@ import numpy as np
 from gdg.hands.hand import Hand
 from gdg.objects.model import ObjectModel
 from gdg.protocols import Protocol
+from gdg.simulation.mass import object_mass
+from gdg.simulation.world import GraspWorld, ObjectState, Touch
 
 from .articulation import HandArticulation
-from .engine import Surface, new_scene, object_shape, physx, sapien, vector
-from .mass import object_mass
+from .engine import Surface, new_scene, object_shape, physx, sapien, set_mass, vector
 from .options import SapienOptions
 
 #: Where things are put that must not touch anything, metres along x.
@@ -21,49 +22,7 @@ FAR_AWAY = 10.0
 TOUCHING_GAP = 1e-5
 
 
-@dataclass(frozen=True)
-class ObjectState:
-    """Where the object is and how it moves, in the world.
-
-    Attributes:
-        center: centre of mass, metres.
-        quat_wxyz: orientation.
-        linear: velocity of the centre of mass, m/s.
-        angular: rad/s.
-    """
-
-    center: np.ndarray
-    quat_wxyz: np.ndarray
-    linear: np.ndarray
-    angular: np.ndarray
-
-    @property
-    def finite(self) -> bool:
-        """Whether no value is NaN or infinite."""
-        values = (self.center, self.quat_wxyz, self.linear, self.angular)
-        return all(bool(np.isfinite(v).all()) for v in values)
-
-    def displacement_from(self, other: ObjectState) -> float:
-        """Distance of the two centres of mass, metres."""
-        return float(np.linalg.norm(self.center - other.center))
-
-    def rotation_from(self, other: ObjectState) -> float:
-        """Angle between the two orientations, rad."""
-        sign = 1.0 if self.quat_wxyz @ other.quat_wxyz >= 0 else -1.0
-        # |q - p| = 2 sin(angle / 4): unlike the arccos form exact for small angles
-        chord = float(np.linalg.norm(self.quat_wxyz - sign * other.quat_wxyz))
-        return 4.0 * float(np.arcsin(min(1.0, chord / 2)))
-
-
-@dataclass(frozen=True)
-class Touch:
-    """Contact of hand and object: whether they touch and the largest overlap, metres."""
-
-    touching: bool
-    overlap: float
-
-
-class GraspScene:
+class GraspScene(GraspWorld):
     """One hand, one object, one protocol; cooked once, reset for every trial.
 
     Args:
@@ -102,7 +61,7 @@ class GraspScene:
         body = physx.PhysxRigidDynamicComponent()
         for mesh in obj.convex_parts:
             body.attach(object_shape(mesh, surface))
-        object_mass(obj, protocol.body.density).apply(body)
+        set_mass(body, object_mass(obj, protocol.body.density))
         body.linear_damping = protocol.body.linear_damping
         body.angular_damping = protocol.body.angular_damping
         body.max_depenetration_velocity = protocol.start.max_depenetration_velocity

@@ -12,8 +12,7 @@ import pytest
 import torch
 from gdg_plugins.simulator_sapien.options import SapienOptions
 from gdg_plugins.simulator_sapien.scene import GraspScene
-from gdg_plugins.simulator_sapien.simulator import SapienSimulator, _decided, _verdict
-from gdg_plugins.simulator_sapien.trial import Push, Start, Trial, _is_over, run_trial
+from gdg_plugins.simulator_sapien.simulator import SapienSimulator
 from gripper import OPEN_M
 from real_hands import HANDS as REAL_HANDS
 
@@ -26,6 +25,8 @@ from gdg.objects.model import ObjectModel, find_object, load_object
 from gdg.protocols import Protocol, Shifts, load_protocol
 from gdg.registry import get_registry
 from gdg.rotations import random_rotations
+from gdg.simulation.simulator import _decided, _verdict
+from gdg.simulation.trial import Push, Start, Trial, _is_over, run_trial
 from gdg.testing import check_component
 
 BUNDLED = Path(__file__).resolve().parents[2] / "hands"
@@ -112,8 +113,8 @@ def test_jaws_one_centimetre_away_fail(preset: str, gripper_model: HandModel, cu
 class Welded(SapienSimulator):
     """Nails the object to the world."""
 
-    def build_scene(self, hand: Hand, obj: ObjectModel, protocol: Protocol) -> GraspScene:
-        scene = super().build_scene(hand, obj, protocol)
+    def build_world(self, hand: Hand, obj: ObjectModel, protocol: Protocol) -> GraspScene:
+        scene = super().build_world(hand, obj, protocol)
         scene.body.set_locked_motion_axes([True] * 6)
         return scene
 
@@ -399,7 +400,8 @@ def test_a_majority_is_more_than_half_of_the_trials_asked_for(count: int):
         ran = next(n for n in range(1, total + 1) if _decided(trials[:n], total))
         protocol = protocol_of("dro-2024", shifts=count)
         early, late = (
-            _verdict(some, protocol, 0.0, 0.1, True, 0.0) for some in (trials[:ran], trials)
+            _verdict(some, protocol, 0.0, 0.1, True, "an engine", 0.0)
+            for some in (trials[:ran], trials)
         )
         assert early.success == late.success == (2 * sum(outcomes) > total)
         assert early.failure == late.failure

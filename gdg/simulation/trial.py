@@ -9,8 +9,7 @@ import numpy as np
 
 from gdg.data.verdict import DIRECTIONS
 from gdg.protocols import Protocol
-
-from .scene import GraspScene, ObjectState
+from gdg.simulation.world import GraspWorld, ObjectState
 
 #: Unit vectors in the order of ``DIRECTIONS``.
 PUSH_VECTORS = tuple(sign * axis for axis in np.eye(3) for sign in (1.0, -1.0))
@@ -44,7 +43,7 @@ class Trial:
 
     Attributes:
         overlap: solver's largest overlap after settling, metres.
-        diverged: whether the simulation ended in nonsense; the scene is then unusable.
+        diverged: whether the simulation ended in nonsense; the world is then unusable.
     """
 
     failure: str
@@ -65,28 +64,28 @@ class Push:
     touching: bool
 
 
-def run_trial(scene: GraspScene, protocol: Protocol, start: Start, until: Until = "end") -> Trial:
+def run_trial(world: GraspWorld, protocol: Protocol, start: Start, until: Until = "end") -> Trial:
     """Runs the protocol once.
 
     Whether the trial fails is the same for every ``until``; so is the failure's name, but for
     ``failed``. What failed first names the failure of a simulation that diverges later.
 
     Args:
-        scene: hand and object, built for this protocol.
+        world: hand and object, built for this protocol.
         protocol: the stability test.
         start: where hand and drives start.
         until: when to stop.
     """
-    scene.reset(start.T_object_root, start.joints, start.targets)
-    before = scene.object_state()
+    world.reset(start.T_object_root, start.joints, start.targets)
+    before = world.object_state()
     # contacts are only known after a step
-    scene.step(max(1, protocol.start.settle_steps))
-    settled, overlap = scene.object_state(), scene.touch().overlap
+    world.step(max(1, protocol.start.settle_steps))
+    settled, overlap = world.object_state(), world.touch().overlap
     drift = settled.displacement_from(before)
     failure = _start_failure(protocol, settled, overlap, drift)
     pushes, diverged = [], failure == "diverged"
     if not diverged and (until == "end" or not failure):
-        pushes, diverged = _push_all(scene, protocol, settled, until)
+        pushes, diverged = _push_all(world, protocol, settled, until)
     failure = failure or _push_failure(protocol, pushes) or ("diverged" if diverged else "")
     missing = len(DIRECTIONS) - len(pushes)
     unknown = (float("nan"),) * missing
@@ -101,34 +100,34 @@ def run_trial(scene: GraspScene, protocol: Protocol, start: Start, until: Until 
     )
 
 
-def free_displacement(scene: GraspScene, protocol: Protocol) -> float:
+def free_displacement(world: GraspWorld, protocol: Protocol) -> float:
     """How far one push moves the object when no hand is near, metres."""
-    scene.reset_alone()
-    before = scene.object_state()
-    scene.step(protocol.pushes.steps, protocol.pushes.acceleration * PUSH_VECTORS[0])
-    return scene.object_state().displacement_from(before)
+    world.reset_alone()
+    before = world.object_state()
+    world.step(protocol.pushes.steps, protocol.pushes.acceleration * PUSH_VECTORS[0])
+    return world.object_state().displacement_from(before)
 
 
 def _push_all(
-    scene: GraspScene, protocol: Protocol, settled: ObjectState, until: Until
+    world: GraspWorld, protocol: Protocol, settled: ObjectState, until: Until
 ) -> tuple[list[Push], bool]:
     """The pushes up to ``until``, and whether the simulation diverged in the one after them."""
     pushes, reference = [], settled
-    start = scene.save()
+    start = world.save()
     for vector in PUSH_VECTORS:
         if protocol.pushes.order == "reset":
-            scene.restore(start)
+            world.restore(start)
         elif protocol.success.measured == "per-push":
-            reference = scene.object_state()
-        scene.step(protocol.pushes.steps, protocol.pushes.acceleration * vector)
-        state = scene.object_state()
+            reference = world.object_state()
+        world.step(protocol.pushes.steps, protocol.pushes.acceleration * vector)
+        state = world.object_state()
         if _diverged(state):
             return pushes, True
         pushes.append(
             Push(
                 state.displacement_from(reference),
                 state.rotation_from(reference),
-                scene.touch().touching,
+                world.touch().touching,
             )
         )
         if _is_over(protocol, pushes, until):

@@ -1,4 +1,4 @@
-"""Mass, centre of mass and inertia of rigid bodies, in the form PhysX takes them."""
+"""Mass, centre of mass and inertia of rigid bodies, in the form engines take them."""
 
 from __future__ import annotations
 
@@ -9,8 +9,6 @@ import numpy as np
 import trimesh
 
 from gdg.objects.model import ObjectModel
-
-from .engine import physx, pose_from_matrix, vector
 
 #: Density of hand links without a plausible mass of their own, kg/m³.
 LINK_DENSITY = 1000.0
@@ -37,15 +35,6 @@ class MassProperties:
     center: np.ndarray
     rotation: np.ndarray
     moments: np.ndarray
-
-    def apply(self, body: physx.PhysxRigidBodyComponent) -> None:
-        """Gives a PhysX body these properties in place of those of its shapes."""
-        T_body_principal = np.eye(4)
-        T_body_principal[:3, :3] = self.rotation
-        T_body_principal[:3, 3] = self.center
-        body.mass = self.mass
-        body.cmass_local_pose = pose_from_matrix(T_body_principal)
-        body.set_inertia(vector(self.moments))
 
 
 def object_mass(obj: ObjectModel, density: float) -> MassProperties:

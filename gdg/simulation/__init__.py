@@ -1,0 +1,1 @@
+"""What every physics engine shares: trials, verdicts, mass, the hand's rigid bodies."""
