@@ -14,7 +14,7 @@ from gdg.yaml_files import dump_yaml
 
 if TYPE_CHECKING:
     from gdg.data.grasps import GraspSet
-    from gdg.pipeline.evaluate import Row
+    from gdg.evaluation.rows import Row
 
 
 def grasp(
@@ -71,9 +71,9 @@ def evaluate(
     """
     words = [f"hand={hand}", f"object={object}", *settings]
     configs = _configs(EvalJob, {"n": n, **job}, words)
-    from gdg.pipeline.evaluate import run_eval
+    from gdg.evaluation.run import run_eval
 
-    return run_eval(configs)[0]
+    return run_eval(configs).rows
 
 
 def _configs(model: type[JobConfig], job: dict[str, Any], words: Sequence[str]) -> list[RunConfig]:

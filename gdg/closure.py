@@ -9,16 +9,26 @@ from torch import Tensor
 
 from gdg.kinds.hand_model import HandModel
 from gdg.objects.model import ObjectModel
+from gdg.penetration import penetration_depth
+from gdg.penetration.table import hand_height, link_heights, raised
 from gdg.penetration.touching import crossing_pairs, link_pairs, touching_links
 from gdg.rotations import ROOT_DIM
 
 #: Steps from the open to the closed posture; each is some 2 mm at a fingertip.
 STEPS = 64
+#: Heights above a table are compared to this accuracy, metres.
+ROUNDING_M = 1e-6
+#: A hand that rises may press links so deep into the object, metres.
+SLIDING_M = 3e-4
 
 
 @torch.no_grad()
 def close_until_touch(
-    hand: HandModel, obj: ObjectModel, q: Float[Tensor, "batch dof"], margin_m: float = 0.0
+    hand: HandModel,
+    obj: ObjectModel,
+    q: Float[Tensor, "batch dof"],
+    margin_m: float = 0.0,
+    rise: bool = False,
 ) -> Float[Tensor, "batch dof"]:
     """q with every finger that is off the object flexed toward the closed posture.
 
@@ -26,25 +36,29 @@ def close_until_touch(
     posture; joints further out on the same finger go on, as in an underactuated hand. The root,
     joints that take no part in closing, and joints that touch already or are beyond the closed
     posture stay. A link touches from ``margin_m`` on, metres.
+
+    On a table, a joint also stops when it would move a link down onto it. With ``rise`` the hand
+    moves up instead, so that fingertips sweep along the table, as long as that presses no link
+    into the object.
     """
-    joints, root = q[:, ROOT_DIM:].clone(), q[:, :ROOT_DIM]
-    goal = hand.closed_posture.expand_as(joints)
+    goal = hand.closed_posture.expand(len(q), -1)
     step = (hand.closed_posture - hand.open_posture) / STEPS
     moves = moved_links(hand)
     first, second = link_pairs(hand).unbind(-1)
     parts = moves[:, first] ^ moves[:, second]
     for _ in range(STEPS):
-        ahead = (goal - joints) * step.sign() > step.abs() / 2
-        free = ahead & ~_held(hand, obj, torch.cat((root, joints), dim=-1), moves, parts, margin_m)
+        ahead = (goal - q[:, ROOT_DIM:]) * step.sign() > step.abs() / 2
+        free = ahead & ~_held(hand, obj, q, moves, parts, margin_m)
         # a joint that would press a link into the object keeps its value; twice, since joints
         # that stop change where those that go on take their links
         for _ in range(2):
-            trial = joints + torch.where(free, step, torch.zeros_like(step))
-            free &= ~_held(hand, obj, torch.cat((root, trial), dim=-1), moves, parts, margin_m)
+            trial = _moved(hand, obj, q, torch.where(free, step, 0.0), margin_m, rise)
+            free &= ~_held(hand, obj, trial, moves, parts, margin_m)
+            free &= ~_lowered(hand, obj, q, trial, moves, margin_m)
         if not free.any():
             break
-        joints = joints + torch.where(free, step, torch.zeros_like(step))
-    return torch.cat((root, joints), dim=-1)
+        q = _moved(hand, obj, q, torch.where(free, step, 0.0), margin_m, rise)
+    return q
 
 
 def moved_links(hand: HandModel) -> Bool[Tensor, "joint link"]:
@@ -67,3 +81,41 @@ def _held(
     on_object = touching_links(hand, obj, Ts, margin_m)[:, None] & moves
     on_hand = crossing_pairs(hand, Ts)[:, None] & parts
     return on_object.any(-1) | on_hand.any(-1)
+
+
+def _moved(
+    hand: HandModel,
+    obj: ObjectModel,
+    q: Float[Tensor, "batch dof"],
+    step: Float[Tensor, "batch joint"],
+    margin_m: float,
+    rise: bool,
+) -> Float[Tensor, "batch dof"]:
+    """q after a step of the joints, with hands raised that would come down on the table."""
+    trial = torch.cat((q[:, :ROOT_DIM], q[:, ROOT_DIM:] + step), dim=-1)
+    if not rise or obj.table is None:
+        return trial
+    least = hand_height(hand, obj.table, q).clamp(max=margin_m)
+    higher = raised(hand, obj.table, trial, least)
+    depth = penetration_depth(hand, obj, q).clamp(min=SLIDING_M)
+    clear = penetration_depth(hand, obj, higher) <= depth
+    return torch.where(clear[:, None], higher, trial)
+
+
+def _lowered(
+    hand: HandModel,
+    obj: ObjectModel,
+    now: Float[Tensor, "batch dof"],
+    trial: Float[Tensor, "batch dof"],
+    moves: Bool[Tensor, "joint link"],
+    margin_m: float,
+) -> Bool[Tensor, "batch joint"]:
+    """Which joints move a link that comes nearer to the table than ``margin_m``, or sinks there.
+
+    A link that lies on the table may still move, but not down.
+    """
+    if obj.table is None:
+        return torch.zeros(len(now), len(moves), dtype=torch.bool, device=now.device)
+    least = link_heights(hand, obj.table, hand.link_poses(now)).clamp(max=margin_m)
+    sunk = link_heights(hand, obj.table, hand.link_poses(trial)) < least - ROUNDING_M
+    return (sunk[:, None] & moves).any(-1)

@@ -165,8 +165,11 @@ def _checked(model: type[BaseModel], values: Tree, prefix: str, mistakes: list[s
 
 def _merge(tree: Tree, changes: Tree) -> None:
     for key, value in changes.items():
+        old = tree.get(key)
         if key in GROUPS:
-            tree[key] = _merge_group(tree.get(key), value)
+            tree[key] = _merge_group(old, value)
+        elif isinstance(old, dict) and isinstance(value, dict):
+            tree[key] = {**old, **value}  # a job's nested options, set one by one
         else:
             tree[key] = value
 

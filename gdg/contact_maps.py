@@ -23,23 +23,43 @@ BATCH = 64
 CHANGED_OPTION = re.compile(r"-([a-z_]+)([0-9.]+(?:e[+-]?[0-9]+)?)")
 
 
-@torch.no_grad()
 def contact_map_of(
     hand: HandModel, obj: ObjectModel, q: Float[Tensor, "grasp dof"], distance: Distance
 ) -> ContactMap:
     """The maps that a hand in the poses q makes on an object, one row per grasp."""
+    values = contact_values(hand, obj.points, obj.normals, q, distance)
+    return ContactMap(obj.name, values, distance.label)
+
+
+@torch.no_grad()
+def contact_values(
+    hand: HandModel,
+    points: Float[Tensor, "object_point 3"],
+    normals: Float[Tensor, "object_point 3"],
+    q: Float[Tensor, "grasp dof"],
+    distance: Distance,
+) -> Float[Tensor, "grasp object_point"]:
+    """The contact values that a hand in the poses q makes at some points of an object."""
     rows = []
     for batch in q.to(hand.device).split(BATCH):
-        found = distance.to_hand(obj.points, obj.normals, hand.surface_points(batch))
+        found = distance.to_hand(points, normals, hand.surface_points(batch))
         rows.append(distance.contact_value(found.distance))
-    values = torch.cat(rows) if rows else torch.zeros(0, len(obj.points))
-    return ContactMap(obj.name, values, distance.label)
+    return torch.cat(rows) if rows else torch.zeros(0, len(points))
 
 
 def contact_maps_of_grasps(
     hand: HandModel, obj: ObjectModel, grasps: GraspSet, distance: Distance
 ) -> ContactMap:
     """The maps of stored grasps; joints are matched by name, whatever their order.
+
+    Raises:
+        GdgError: as ``q_of_grasps``.
+    """
+    return contact_map_of(hand, obj, q_of_grasps(hand, grasps), distance)
+
+
+def q_of_grasps(hand: HandModel, grasps: GraspSet) -> Float[Tensor, "grasp dof"]:
+    """Pose vectors of stored grasps; joints are matched by name, whatever their order.
 
     Raises:
         GdgError: the hand has other joints or another root link than the grasps were made with.
@@ -58,7 +78,7 @@ def contact_maps_of_grasps(
             f"were made with."
         )
     columns = [grasps.joint_names.index(name) for name in hand.joint_names]
-    return contact_map_of(hand, obj, hand.q_of(grasps, grasps.joints[:, columns]), distance)
+    return hand.q_of(grasps, grasps.joints[:, columns])
 
 
 def in_distance(maps: ContactMap, distance: Distance) -> Float[Tensor, "map object_point"]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -9,12 +10,16 @@ from torch import Tensor
 from gdg.geometry.mesh import sample_surface
 from gdg.kinds.hand_model import HandModel
 from gdg.objects.model import ObjectModel
+from gdg.penetration.table import raised
 from gdg.rotations import q_from_pose, random_rotations
+from gdg.simulation.table import Table
 
 #: Share of the way from the open to the closed posture within which joints start.
 LARGEST_CLOSURE = 0.5
 #: Standard deviation of the noise on starting joints, as a share of their range.
 JOINT_NOISE = 0.05
+#: Near a table: points drawn per start, of those whose normals lie higher than this (sine).
+TABLE_OVERSAMPLING, LOWEST_NORMAL = 6, -0.1
 
 
 def random_joints(
@@ -47,12 +52,18 @@ def around_sphere(
 ) -> Float[Tensor, "count dof"]:
     """Starts with uniform root rotations and the palm on the object's enclosing sphere (paper).
 
-    The palm's normal points at the object's centre; ``factor`` scales the sphere's radius.
+    The palm's normal points at the object's centre; ``factor`` scales the sphere's radius. On a
+    table the palm looks down or sideways: rotations that let it look up are mirrored.
     """
     rotations = random_rotations(count, generator).to(hand.device)
     joints = random_joints(hand, count, generator)
     normal = _palm_normal(hand, joints, rotations)
-    return facing(hand, joints, -factor * obj.radius * normal, rotations)
+    if obj.table is None:
+        return facing(hand, joints, -factor * obj.radius * normal, rotations)
+    down = -_turned_up(-normal, obj.table)
+    rotations = rotation_between(normal, down) @ rotations
+    starts = facing(hand, joints, -factor * obj.radius * down, rotations)
+    return raised(hand, obj.table, starts)
 
 
 def above_surface(
@@ -66,22 +77,45 @@ def above_surface(
     """Starts with the palm above random points of the object's inflated convex hull.
 
     The palm faces the surface (as in DexGraspNet, Wang et al. 2023), tilted by a random angle of
-    standard deviation ``tilt_rad``, rolled at random, ``gap_m`` (lower, upper) off the hull.
+    standard deviation ``tilt_rad``, rolled at random, ``gap_m`` (lower, upper) off the hull. On a
+    table it stands above the sides and the top of the hull, and as high as the hand needs.
     """
-    hull = obj.mesh.convex_hull
-    seed = int(torch.randint(2**31, (1,), generator=generator))
-    points, normals = (
-        torch.as_tensor(a, dtype=torch.float32, device=hand.device)
-        for a in sample_surface(hull, count, seed)
-    )
+    points, normals = _on_hull(hand, obj, count, generator)
     noise = torch.randn(count, 3, generator=generator).to(hand.device)
     outward = torch.nn.functional.normalize(normals + tilt_rad * 0.577 * noise, dim=-1)
+    if obj.table is not None:
+        outward = _turned_up(outward, obj.table)
     low, high = gap_m
     gap = low + (high - low) * torch.rand(count, 1, generator=generator).to(hand.device)
     joints = random_joints(hand, count, generator)
     rotations = random_rotations(count, generator).to(hand.device)
     turned = rotation_between(_palm_normal(hand, joints, rotations), -outward) @ rotations
-    return facing(hand, joints, points + gap * normals, turned)
+    starts = facing(hand, joints, points + gap * normals, turned)
+    return starts if obj.table is None else raised(hand, obj.table, starts)
+
+
+def _on_hull(
+    hand: HandModel, obj: ObjectModel, count: int, generator: torch.Generator
+) -> tuple[Float[Tensor, "count 3"], Float[Tensor, "count 3"]]:
+    """Random points of the object's convex hull and their normals, without those on a table."""
+    seed = int(torch.randint(2**31, (1,), generator=generator))
+    drawn = count if obj.table is None else TABLE_OVERSAMPLING * count
+    points, normals = sample_surface(obj.mesh.convex_hull, drawn, seed)
+    if obj.table is not None:
+        # a body has no more surface below than above and around it, so some are always left
+        seen = np.flatnonzero(normals @ obj.table.up > LOWEST_NORMAL)
+        chosen = np.resize(seen, count)
+        points, normals = points[chosen], normals[chosen]
+    return (
+        torch.as_tensor(points, dtype=torch.float32, device=hand.device),
+        torch.as_tensor(normals, dtype=torch.float32, device=hand.device),
+    )
+
+
+def _turned_up(directions: Float[Tensor, "batch 3"], table: Table) -> Float[Tensor, "batch 3"]:
+    """Unit vectors, those that point into the table mirrored at it."""
+    up = torch.as_tensor(table.up).to(directions)
+    return directions - 2 * (directions @ up).clamp(max=0.0)[:, None] * up
 
 
 def rotation_between(

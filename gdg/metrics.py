@@ -1,11 +1,16 @@
-"""Numbers that sum up a set of grasps: success with its interval, diversity, overlap."""
+"""Numbers that sum up grasps: rates with intervals, diversity, overlap, agreement of judges."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
 
 from gdg.data.grasps import GraspSet
 from gdg.kinds.hand_model import HandModel
@@ -18,14 +23,15 @@ RINGS = (1, 6, 11, 12, 11, 6, 1)
 SAME_PLACE_M, SAME_ROTATION_RAD = 0.01, math.pi / 12
 
 
-def wilson_interval(k: int, n: int, z: float = Z_95) -> tuple[float, float]:
+def wilson_interval(k: int | float, n: int, z: float = Z_95) -> tuple[float, float]:
     """Interval of a success rate of ``k`` out of ``n`` (Wilson 1927), as shares in [0, 1].
 
     Unlike the normal approximation it is sensible for few trials and for rates near 0 and 1.
     Without trials nothing is known: (0, 1).
 
     Args:
-        k: successes.
+        k: successes; a broken number where each trial succeeded in part (the interval is then
+            too wide, never too narrow, since such a trial varies less than a yes or no).
         n: trials.
         z: quantile of the normal distribution; the default gives 95 %.
 
@@ -45,6 +51,76 @@ def wilson_interval(k: int, n: int, z: float = Z_95) -> tuple[float, float]:
     return low, high
 
 
+@dataclass(frozen=True)
+class Rate:
+    """So many successes in so many trials.
+
+    Attributes:
+        k: successes; NaN where they are not known.
+        n: trials.
+    """
+
+    k: int | float
+    n: int
+
+    @property
+    def share(self) -> float:
+        """Successes per trial; NaN without trials."""
+        return self.k / self.n if self.n else math.nan
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """The 95 % Wilson interval of the share; (0, 1) where nothing is known."""
+        return (0.0, 1.0) if math.isnan(self.k) else wilson_interval(self.k, self.n)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values, as they stand in ``summary.json``."""
+        return {"k": self.k, "n": self.n, "share": self.share, "interval": list(self.interval)}
+
+
+def newcombe_interval(first: Rate, second: Rate) -> tuple[float, float]:
+    """95 % interval of the difference of two shares, first − second (Newcombe 1998, method 10).
+
+    The trials are taken to be independent. Where both rates are of the same objects, which makes
+    them rise and fall together, the interval is rather too wide than too narrow.
+    """
+    (low_1, high_1), (low_2, high_2) = first.interval, second.interval
+    difference = first.share - second.share
+    return (
+        difference - math.hypot(first.share - low_1, high_2 - second.share),
+        difference + math.hypot(high_1 - first.share, second.share - low_2),
+    )
+
+
+def mean_interval(values: Sequence[float]) -> tuple[float, float]:
+    """95 % interval of the mean of what the values are drawn from (Student's t).
+
+    NaN at both ends for fewer than two values. For rates over objects it says how far another
+    choice of objects would move the mean, which the Wilson interval does not.
+    """
+    from scipy.stats import t as student  # takes half a second to import
+
+    count = len(values)
+    if count < 2:
+        return math.nan, math.nan
+    mean, error = float(np.mean(values)), float(np.std(values, ddof=1)) / math.sqrt(count)
+    half = float(student.ppf(0.975, count - 1)) * error
+    return mean - half, mean + half
+
+
+def cohen_kappa(both: int, only_first: int, only_second: int, neither: int) -> float:
+    """How far two judges' yes and no agree beyond chance (Cohen 1960): 1 wholly, 0 by chance.
+
+    NaN where chance alone makes them agree: no cases, or all of both judges alike.
+    """
+    n = both + only_first + only_second + neither
+    if n == 0:
+        return math.nan
+    yes_1, yes_2 = (both + only_first) / n, (both + only_second) / n
+    chance = yes_1 * yes_2 + (1 - yes_1) * (1 - yes_2)
+    return math.nan if chance == 1 else ((both + neither) / n - chance) / (1 - chance)
+
+
 def joint_diversity(grasps: GraspSet) -> float:
     """Mean over joints of the standard deviation of joint values over the passing grasps, rad.
 
@@ -58,18 +134,31 @@ def joint_diversity(grasps: GraspSet) -> float:
     return float(joints.std(axis=0, ddof=1).mean())
 
 
-def direction_coverage(hand: HandModel, grasps: GraspSet) -> float:
-    """From how many sides the passing grasps come: share of occupied cells of the sphere, 0 to 1.
+def palm_directions(hand: HandModel, grasps: GraspSet) -> Float[Tensor, "grasp 3"]:
+    """Where the palm of each grasp looks: its outward unit normal in the object's frame."""
+    if not len(grasps):
+        return torch.zeros(0, 3)
+    return hand.palm(hand.q_of(grasps))[1].detach().cpu()
 
-    The side is where the palm looks, its outward normal in the object's frame. The sphere of
-    directions is cut into 48 cells of equal area and similar width: two caps about the object's z
-    axis and rings between them (``RINGS``; as in Leopardi 2006). n directions that are spread
-    evenly at random occupy 1 − (1 − 1/48)ⁿ of them: 0.74 for n = 64.
+
+def direction_coverage(hand: HandModel, grasps: GraspSet) -> float:
+    """``coverage`` of the sides from which the passing grasps come."""
+    return coverage(palm_directions(hand, grasps.select(grasps.passed)))
+
+
+def coverage(directions: Float[Tensor, "grasp 3"]) -> float:
+    """From how many sides grasps come: share of occupied cells of the sphere, 0 to 1.
+
+    The sphere of directions is cut into 48 cells of equal area and similar width: two caps about
+    the object's z axis and rings between them (``RINGS``; as in Leopardi 2006). n directions that
+    are spread evenly at random occupy 1 − (1 − 1/48)ⁿ of them: 0.74 for n = 64.
+
+    Args:
+        directions: unit vectors in the object's frame.
     """
-    passed = grasps.select(grasps.passed)
-    if len(passed) == 0:
+    if len(directions) == 0:
         return 0.0
-    x, y, z = hand.palm(hand.q_of(passed))[1].detach().cpu().numpy().astype(np.float64).T
+    x, y, z = directions.numpy().astype(np.float64).T
     first_cell = np.cumsum((0, *RINGS))
     # equal heights have equal areas (Archimedes), so a ring's cells are its share of the height
     lower_ends = 1 - 2 * first_cell[1:-1] / first_cell[-1]

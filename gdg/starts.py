@@ -12,8 +12,10 @@ from gdg.data.grasps import GraspSet
 from gdg.kinds.hand_model import HandModel
 from gdg.objects.model import ObjectModel
 from gdg.penetration import penetration_depth
+from gdg.penetration.table import hand_height
 from gdg.protocols import Protocol, Refinement
 from gdg.rotations import ROOT_DIM
+from gdg.scenes.above import targets_above
 
 #: Positions tried on the way from the grasp to the open posture.
 BACK_OUT_STEPS = 40
@@ -35,12 +37,23 @@ def prepare(
         return grasps
     targets = None
     if refine and protocol.refinement.step != "none":
-        targets = contact_aware_targets(hand, obj, hand.q_of(grasps), protocol.refinement).cpu()
+        targets = closing_targets(hand, obj, hand.q_of(grasps), protocol.refinement).cpu()
     joints = grasps.joints
     if protocol.start.mode == "backed-out":
         targets = grasps.joints if targets is None else targets
         joints = backed_out(hand, obj, hand.q_of(grasps), protocol.start.clearance_m).cpu()
     return replace(grasps, joints=joints, targets=targets)
+
+
+def closing_targets(
+    hand: HandModel,
+    obj: ObjectModel,
+    q: Float[Tensor, "batch dof"],
+    refinement: Refinement,
+) -> Float[Tensor, "batch joint"]:
+    """Joint targets by the contact-aware refinement that lead no link into the object's table."""
+    targets = contact_aware_targets(hand, obj, q, refinement)
+    return targets if obj.table is None else targets_above(hand, obj.table, q, targets)
 
 
 def contact_aware_targets(
@@ -83,13 +96,17 @@ def backed_out(
     """Joints opened just so far that the hand lies no deeper than ``clearance_m``.
 
     Joints go straight toward the open posture; a grasp that is still too deep there (its palm is
-    inside the object) starts in the open posture.
+    inside the object) starts in the open posture. Joints open no further than the hand stays above
+    the table that the object rests on.
     """
     joints = q[:, ROOT_DIM:]
     result, pending = joints.clone(), torch.ones(len(q), dtype=torch.bool, device=q.device)
     for share in torch.linspace(0, 1, BACK_OUT_STEPS + 1).tolist():
         trial = joints + share * (hand.open_posture - joints)
-        depth = penetration_depth(hand, obj, torch.cat((q[:, :ROOT_DIM], trial), dim=-1))
+        moved = torch.cat((q[:, :ROOT_DIM], trial), dim=-1)
+        if obj.table is not None and share > 0:
+            pending = pending & (hand_height(hand, obj.table, moved) >= 0)
+        depth = penetration_depth(hand, obj, moved)
         result = torch.where(pending[:, None], trial, result)
         pending = pending & (depth > clearance_m)
         if not pending.any():

@@ -19,6 +19,7 @@ from gdg_plugins.planner_dfc.planner import DfcPlanner
 from gdg_plugins.simulator_sapien.options import SapienOptions
 from gdg_plugins.simulator_sapien.simulator import SapienSimulator
 from torch import Tensor
+from training_samples import TinyGenerator, TinyPlanner
 
 from gdg.components import NoOptions, Options
 from gdg.data.contact_map import ContactMap
@@ -190,6 +191,10 @@ class FixedPoints(UnknownLabel):
     def generate(self, obj: Any, count: int, generator: torch.Generator) -> ContactMap:
         values = torch.rand(count, 2048, generator=generator)
         return ContactMap(obj.name, values, "aligned/release")
+
+
+class LearnsFromPictures(TinyGenerator):
+    batch_kind = "pictures"  # type: ignore[assignment]
 
 
 class OutOfLimits(AdamFitter):
@@ -387,6 +392,10 @@ class NeedsAllPoints(DfcPlanner):
         return super().plan(hand, obj, *args, **kwargs)
 
 
+class PlansFromPictures(DfcPlanner, TinyPlanner):
+    batch_kind = "pictures"  # type: ignore[assignment]
+
+
 class OneTooMany(DfcPlanner):
     def plan(self, hand: Any, obj: Any, count: int, generator: Any, progress: Any = None):
         return super().plan(hand, obj, count + 1, generator, progress)
@@ -450,6 +459,7 @@ SABOTAGE: list[tuple[str, type, str, str]] = [
     ("generator", DoubleMaps, "maps", "values must be float32"),
     ("generator", SeedsEverything, "randomness", "the global random state of torch changed"),
     ("generator", FixedPoints, "other points", "of 100 points got maps of shape (1, 2048)"),
+    ("generator", LearnsFromPictures, "training", "batch_kind is 'pictures'"),
     ("fitter", OutOfLimits, "grasps", "joint 'close' is outside its limits"),
     ("fitter", NoTotal, "grasps", "energies must have 'total'"),
     ("fitter", OneGraspOnly, "grasps", "2 maps gave 1 grasps"),
@@ -487,6 +497,7 @@ SABOTAGE: list[tuple[str, type, str, str]] = [
     ("planner", Stretched, "grasps", "poses are not rigid"),
     ("planner", SeedsNumpy, "randomness", "the global random state of numpy changed"),
     ("planner", MixesUpObjects, "many objects", "object_name is"),
+    ("planner", PlansFromPictures, "training", "batch_kind is 'pictures'"),
     ("planner", NeedsAllPoints, "other points", "other points: raised RuntimeError"),
 ]
 #: Base class -> its options model and what its instances use.

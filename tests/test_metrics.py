@@ -17,9 +17,14 @@ from scipy.spatial.transform import Rotation
 from gdg.data.grasps import GraspSet
 from gdg.kinds.hand_model import HandModel
 from gdg.metrics import (
+    Rate,
+    cohen_kappa,
     direction_coverage,
     distinct_grasps,
     joint_diversity,
+    mean_interval,
+    newcombe_interval,
+    palm_directions,
     penetration_stats,
     wilson_interval,
 )
@@ -70,6 +75,56 @@ def test_wilson_interval_holds_the_rate_and_mirrors(counts):
     assert wilson_interval(n - k, n) == pytest.approx((1 - high, 1 - low))
 
 
+def test_a_rate_knows_its_share_and_interval():
+    assert Rate(15, 148).share == pytest.approx(15 / 148)
+    assert Rate(15, 148).interval == wilson_interval(15, 148)
+    assert math.isnan(Rate(0, 0).share)
+    assert Rate(math.nan, 5).interval == (0.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "low", "high"),
+    [
+        # Newcombe 1998 (interval estimation for the difference), table II, method 10
+        ((56, 70), (48, 80), 0.0524, 0.3339),
+        ((9, 10), (3, 10), 0.1705, 0.8090),
+        ((6, 7), (2, 7), 0.0582, 0.8062),
+        ((5, 56), (0, 29), -0.0381, 0.1926),
+        ((0, 10), (0, 20), -0.1611, 0.2775),
+        ((10, 10), (0, 20), 0.6791, 1.0000),
+    ],
+)
+def test_difference_of_shares_matches_newcombe(first, second, low, high):
+    found = newcombe_interval(Rate(*first), Rate(*second))
+    assert found == pytest.approx((low, high), abs=5e-5)
+
+
+rates = st.integers(1, 300).flatmap(lambda n: st.builds(Rate, st.integers(0, n), st.just(n)))
+
+
+@given(rates, rates)
+def test_a_difference_lies_in_its_interval_and_turns_with_its_sides(first: Rate, second: Rate):
+    low, high = newcombe_interval(first, second)
+    assert -1 - 1e-9 <= low <= first.share - second.share <= high <= 1 + 1e-9
+    assert newcombe_interval(second, first) == pytest.approx((-high, -low))
+
+
+def test_the_interval_of_a_mean_is_student_s():
+    # mean 3, standard error sqrt(2.5 / 5), t(0.975, 4) = 2.7764
+    half = 2.7764 * math.sqrt(0.5)
+    assert mean_interval([1.0, 2.0, 3.0, 4.0, 5.0]) == pytest.approx((3 - half, 3 + half), abs=1e-4)
+    assert all(map(math.isnan, mean_interval([1.0])))
+
+
+def test_kappa_is_cohen_s():
+    # 20 both, 5 only the first, 10 only the second, 15 neither: 0.7 seen, 0.5 by chance
+    assert cohen_kappa(20, 5, 10, 15) == pytest.approx(0.4)
+    assert cohen_kappa(3, 0, 0, 4) == 1.0
+    assert cohen_kappa(0, 2, 2, 0) == -1.0
+    assert math.isnan(cohen_kappa(5, 0, 0, 0))
+    assert math.isnan(cohen_kappa(0, 0, 0, 0))
+
+
 def test_diversity_is_the_mean_deviation_over_passing_grasps():
     grasps = make_grasps(
         [[0.0, 1.0], [9.0, 9.0], [0.2, 1.0], [0.4, 1.6]], [True, False, True, True], [0.0] * 4
@@ -111,6 +166,13 @@ def test_the_palm_s_side_is_counted_once(gripper_model: HandModel):
     assert direction_coverage(gripper_model, grasps) == pytest.approx(2 / 48)
     assert direction_coverage(gripper_model, replace(grasps, verdicts=())) == 0.0
     assert direction_coverage(gripper_model, posed(about_x(0), torch.zeros(1, 3), False)) == 0.0
+
+
+def test_palms_look_where_the_hand_is_turned(gripper_model: HandModel):
+    grasps = posed(about_x(0, 90, 180), torch.zeros(3, 3), passed=False)
+    expected = torch.tensor([[0.0, 0, 1], [0, -1, 0], [0, 0, -1]])
+    assert torch.allclose(palm_directions(gripper_model, grasps), expected, atol=1e-6)
+    assert palm_directions(gripper_model, grasps.select([])).shape == (0, 3)
 
 
 def test_random_directions_cover_what_even_cells_lead_to_expect(gripper_model: HandModel):

@@ -16,6 +16,7 @@ from gdg.text import one_line
 COMMANDS = {
     "grasp": ("gdg.cli.grasp:grasp", "Plan and test grasps of one object with one hand."),
     "eval": ("gdg.cli.evaluate:evaluate", "Test a grid of hands, objects and settings."),
+    "bench": ("gdg.cli.bench:bench", "Repeat a table of the paper beside its numbers."),
     "synth": ("gdg.cli.synth:synth", "Synthesise a dataset of force-closure grasps."),
     "train": ("gdg.cli.train:train", "Train a contact-map generator on a dataset."),
     "data": ("gdg.cli.data:data", "Inspect, check, merge and split datasets."),

@@ -9,39 +9,29 @@ import click
 from gdg.cli.settings import configs_from, takes_settings
 from gdg.pipeline.jobs import DEFAULTS, EvalJob
 
-#: Characters per line of a table that is written into a file or pipe.
-FILE_WIDTH = 160
-
 
 @click.command()
 @takes_settings(EvalJob, DEFAULTS)
 def evaluate(settings: tuple[str, ...], files: tuple[Path, ...]) -> None:
     """Plan and test every cell of a grid (commas span it) and sum it up.
 
-    Finished cells are kept in the output folder and never run twice. Prints success with its
-    95 % interval, diversity, penetration and time; writes summary.json and summary.md.
+    Finished cells are kept in the output folder and never run twice; grasps are planned once
+    and tested under each protocol, simulator and refinement. Prints success with its 95 %
+    interval, diversity, penetration and time; writes summary.md, .csv, .json and .png, and
+    agreement.md where there are several simulators. docs/evaluation.md explains every column.
     """
     configs = configs_from(EvalJob, DEFAULTS, files, settings)
-    from rich.console import Console
-    from rich.table import Table
+    from gdg.cli.evaluated import cell_bar, print_table
+    from gdg.evaluation.agreement import agreement_lines
+    from gdg.evaluation.run import run_eval
+    from gdg.evaluation.tables import BRIEF, cells, measured_on
 
-    from gdg.cli.progress import bars
-    from gdg.pipeline.evaluate import COLUMNS, cells, run_eval
-
-    with bars() as progress:
-        task = progress.add_task("cells", total=len(configs))
-
-        def report(done: int, total: int, what: str) -> None:
-            progress.update(task, completed=done, total=total, description=what or "cells")
-
-        rows, folder = run_eval(configs, report)
-    table = Table(header_style="bold")
-    for title in (*rows[0].settings, *COLUMNS):
-        table.add_column(title, overflow="fold")
-    for row in rows:
-        table.add_row(*cells(row))
-    console = Console()
-    if not console.is_terminal:  # a file or pipe has no width of its own
-        console = Console(width=FILE_WIDTH)
-    console.print(table)
-    console.print(f"  {folder / 'summary.md'}", markup=False, soft_wrap=True)
+    with cell_bar() as report:
+        done = run_eval(configs, report)
+    header = [*done.rows[0].settings, *BRIEF]
+    print_table(header, [cells(row, BRIEF) for row in done.rows])
+    for sentence in measured_on(done.rows):
+        click.echo(sentence)
+    for agreement in done.agreements:
+        click.echo("\n" + "\n".join(agreement_lines(agreement)))
+    click.echo(f"  {done.folder / 'summary.md'}")

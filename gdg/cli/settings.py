@@ -9,6 +9,7 @@ from typing import Any
 
 import click
 import yaml
+from pydantic import BaseModel
 
 from gdg.components import config_key
 from gdg.config import JobConfig, RunConfig, compose
@@ -59,6 +60,9 @@ def single(configs: list[RunConfig]) -> RunConfig:
 def _settings_help(job: type[JobConfig], defaults: dict[str, str]) -> str:
     lines = ["\b", "Settings (key=value):"]
     for name, field in job.model_fields.items():
+        if isinstance(field.default, BaseModel):
+            lines += _nested_help(name, field.default)
+            continue
         given = "" if field.is_required() else yaml.safe_dump(field.default).splitlines()[0]
         default = given or "required"
         lines.append(f"  {name:<14} {_explained(job, name)} [{default}]")
@@ -67,7 +71,16 @@ def _settings_help(job: type[JobConfig], defaults: dict[str, str]) -> str:
     return "\n".join(lines)
 
 
-def _explained(job: type[JobConfig], name: str) -> str:
+def _nested_help(name: str, options: BaseModel) -> list[str]:
+    """A line for each of a job's nested options, ``name.option``."""
+    return [
+        f"  {name}.{option} {_explained(type(options), option)} "
+        f"[{yaml.safe_dump(value).splitlines()[0]}]"
+        for option, value in options.model_dump(mode="json").items()
+    ]
+
+
+def _explained(job: type[BaseModel], name: str) -> str:
     """The field's line in the docstring of the model that declares it."""
     for model in job.__mro__:
         lines = (model.__doc__ or "").splitlines()

@@ -95,6 +95,7 @@ def grasps_of(info: ShardInfo, table: pa.Table) -> GraspSet:
         status=tuple(table["status"].to_pylist()) if "status" in parts else (),
         verdicts=_verdicts(table) if "verdicts" in parts else (),
         provenance=info.provenance,
+        scene=info.scene,
     )
 
 

@@ -32,7 +32,10 @@ from gdg.data.shards import (
 )
 from gdg.errors import GdgError
 
-__all__ = ["ShardInfo", "read_shard", "shard_path", "shards", "stream_grasps", "write_shard"]
+__all__ = [
+    "ShardInfo", "read_shard", "shard_path", "shards", "stream_grasps", "stream_shard",
+    "write_shard",
+]  # fmt: skip
 
 #: Rows per row group: what a reader holds in memory at least.
 ROW_GROUP = 16384
@@ -69,6 +72,7 @@ def write_shard(root: Path, key: str, grasps: GraspSet, provenance: Mapping[str,
         "object": grasps.object_name,
         "joint_names": list(grasps.joint_names),
         "root_link": grasps.root_link,
+        **({} if grasps.scene is None else {"scene": grasps.scene.as_dict()}),
         "parts": parts_of(grasps),
         "content": content_of(ids, [verdict.success for verdict in grasps.verdicts]),
         "summary": _summary(grasps),
@@ -154,12 +158,13 @@ def stream_grasps(
         if info.count and all(
             not names or getattr(info, field) in names for names, field in wanted
         ):
-            yield from _batches(info, success, batch, verdicts)
+            yield from stream_shard(info, success=success, batch=batch, verdicts=verdicts)
 
 
-def _batches(
-    info: ShardInfo, success: bool | None, batch: int, verdicts: bool
+def stream_shard(
+    info: ShardInfo, *, success: bool | None = None, batch: int = 4096, verdicts: bool = True
 ) -> Iterator[GraspSet]:
+    """The grasps of one shard in batches; arguments and errors as of ``stream_grasps``."""
     try:
         with pq.ParquetFile(info.path, page_checksum_verification=True) as stored:
             names = stored.schema_arrow.names

@@ -16,6 +16,7 @@ from torch import Tensor
 from gdg.data.atomic import write_text_atomically
 from gdg.data.contacts import ContactSet
 from gdg.data.json_values import finite_or_none
+from gdg.data.scene import TableScene
 from gdg.data.verdict import Verdict
 from gdg.errors import GdgError
 
@@ -43,6 +44,7 @@ class GraspSet:
         contact_values: the hand-made contact map per grasp, for pictures, or None.
         verdicts: per grasp, or empty when not simulated.
         provenance: component names, versions, hashes and seeds.
+        scene: what the object stands on; None: it floats in free air.
     """
 
     hand: str
@@ -59,6 +61,7 @@ class GraspSet:
     contact_values: Float[Tensor, "grasp object_point"] | None = None
     verdicts: tuple[Verdict, ...] = ()
     provenance: dict[str, Any] = field(default_factory=dict)
+    scene: TableScene | None = None
 
     def __len__(self) -> int:
         return self.poses.shape[0]
@@ -101,6 +104,7 @@ class GraspSet:
             "object": self.object_name,
             "root_link": self.root_link,
             "joint_names": list(self.joint_names),
+            **({} if self.scene is None else {"scene": self.scene.as_dict()}),
             "provenance": finite_or_none(self.provenance),
             "grasps": [self._grasp_as_dict(index) for index in range(len(self))],
         }
@@ -187,6 +191,7 @@ def _from_dict(tree: dict[str, Any]) -> GraspSet:
             tuple(Verdict.from_dict(g["verdict"]) for g in grasps) if "verdict" in first else ()
         ),
         provenance=tree["provenance"],
+        scene=TableScene.from_dict(tree["scene"]) if "scene" in tree else None,
     )
 
 

@@ -62,6 +62,7 @@ class Header(BaseModel):
     split: Plain
     joint_names: tuple[Plain, ...]
     root_link: Plain
+    scene: dict[str, Any] | None = None
     hand_path: Plain = ""
     object_path: Plain = ""
     object_scale: float = Field(1.0, gt=0)

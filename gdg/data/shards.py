@@ -20,6 +20,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from gdg.data.header import SCHEMA, check_key, parse_header
+from gdg.data.scene import TableScene
 from gdg.errors import GdgError
 
 METADATA_KEY, CHECKSUM_KEY = b"gdg", b"gdg_checksum"
@@ -64,6 +65,7 @@ class ShardInfo:
         passed: grasps that passed their test; None where none was run or the version is 1.
         measured: column -> (count, sum) of its finite values, over the grasps that passed (over
             all where none was tested): metrics, and penetrations of the verdicts in millimetres.
+        scene: what the object stands on; None: it floats in free air.
     """
 
     path: Path
@@ -87,6 +89,7 @@ class ShardInfo:
     checksum: str = ""
     passed: int | None = None
     measured: Mapping[str, tuple[int, float]] = field(default_factory=dict)
+    scene: TableScene | None = None
 
     @property
     def pair(self) -> tuple[str, str]:
@@ -187,5 +190,6 @@ def _info(path: Path, footer: pq.FileMetaData) -> ShardInfo:
         checksum=stored.get(CHECKSUM_KEY, b"").decode("ascii"),
         passed=header.summary.passed,
         measured=header.summary.measured,
+        scene=None if header.scene is None else TableScene.from_dict(header.scene),
         **{name: getattr(header, name) for name in (*REQUIRED, *OPTIONAL)},
     )

@@ -11,6 +11,11 @@ from gdg.data.json_values import finite_or_none
 
 #: Push directions in the order of every per-direction field.
 DIRECTIONS = ("+x", "-x", "+y", "-y", "+z", "-z")
+#: What a grasp may fail by. Of several the first of this order names the failure, but for
+#: ``diverged``: that names what failed by nothing else before the simulation ended in nonsense.
+FAILURES = (
+    "penetrating", "drifted", "lost-contact", "moved", "rotated", "dropped", "tilted", "diverged",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -19,11 +24,15 @@ class Verdict:
 
     Attributes:
         success: the protocol's criterion, over all shifts, by majority of the shifts.
-        failure: why not: ``""`` on success, else ``moved``, ``rotated``, ``lost-contact``,
-            ``drifted``, ``penetrating``, ``diverged`` (of the first shift that failed).
+        failure: why not: ``""`` on success, else one of ``FAILURES`` (of the first shift that
+            failed). Overlap (at the start or after settling) is ``penetrating``, motion while
+            closing ``drifted``; pushes fail by ``lost-contact``, ``moved``, ``rotated``; a lift by
+            ``dropped`` (contact lost, moved in the hand, or left on the table) and ``tilted``
+            (turned in the hand).
         displacement_m: object displacement per push direction (``DIRECTIONS``), metres, against
             the protocol's reference pose, of the unshifted trial. NaN for a push that did not
-            take place; its rotation is NaN as well, and ``contact_kept`` false.
+            take place, or that the protocol doesn't have; its rotation is NaN as well, and
+            ``contact_kept`` false.
         rotation_rad: object rotation per push direction, radians.
         drift_m: how far the object moved while the hand closed and settled, metres.
         contact_kept: whether hand and object still touched after each push.
@@ -40,6 +49,12 @@ class Verdict:
         seconds: wall time of all trials of this grasp.
         trials: trials that the protocol asks for; 0 where this is not known, as in verdicts
             written before the field was, of which all trials ran.
+        lift_displacement_m: how far the object moved in the hand in the lift, metres, of the
+            unshifted trial; NaN where no lift took place.
+        lift_rotation_rad: how far it turned in the hand, likewise.
+        lift_contact: whether the hand held it at the end of the lift: they touch, and nothing
+            else does.
+        left_out: what the engine can't simulate of the protocol, a sentence each.
     """
 
     success: bool
@@ -57,6 +72,10 @@ class Verdict:
     refined: bool
     seconds: float
     trials: int = 0
+    lift_displacement_m: float = math.nan
+    lift_rotation_rad: float = math.nan
+    lift_contact: bool = False
+    left_out: tuple[str, ...] = ()
 
     @property
     def success_rate(self) -> float:

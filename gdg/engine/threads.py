@@ -21,7 +21,8 @@ def limit_threads(threads: int) -> int:
     from numba import config, set_num_threads
 
     before = torch.get_num_threads()
-    torch.set_num_threads(threads)
     # numba refuses more than it started with (NUMBA_NUM_THREADS, or the cores that it saw)
     set_num_threads(min(threads, config.NUMBA_NUM_THREADS))  # type: ignore[attr-defined]
+    # after numba, whose start of OpenMP sets torch's number anew
+    torch.set_num_threads(threads)
     return before

@@ -11,6 +11,7 @@ from torch import Tensor
 
 from gdg.geometry.sdf_stack import SdfStack
 from gdg.objects.model import ObjectModel
+from gdg.simulation.table import Table
 
 
 class ObjectBatch:
@@ -33,6 +34,11 @@ class ObjectBatch:
 
     def __len__(self) -> int:
         return len(self.objects)
+
+    @property
+    def tables(self) -> tuple[Table | None, ...]:
+        """The table that each rests on."""
+        return tuple(obj.table for obj in self.objects)
 
     @cached_property
     def centers_of_mass(self) -> Float[Tensor, "object 3"]:

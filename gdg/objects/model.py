@@ -14,12 +14,14 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gdg.cache import cached_arrays, content_hash
+from gdg.data.scene import TableScene
 from gdg.errors import GdgError
 from gdg.folders import OBJECTS
 from gdg.geometry.convex import Decomposition, convex_parts
 from gdg.geometry.mesh import close_gaps, load_mesh, sample_surface
 from gdg.geometry.sdf import SignedDistanceGrid, signed_distance_arrays, winding_numbers
 from gdg.objects.spec import MANIFEST, read_object_spec
+from gdg.simulation.table import Table
 
 #: Surface points per object, as the method prescribes.
 SURFACE_POINTS = 2048
@@ -53,6 +55,7 @@ class ObjectModel:
         notes: what was repaired or noticed, one sentence each.
         split: ``train``, ``test`` or ``""`` when the object has no manifest.
         content_hash: of the mesh's geometry.
+        scene: what the object stands on (``gdg.scenes``); None: it floats in free air.
     """
 
     name: str
@@ -67,6 +70,12 @@ class ObjectModel:
     notes: tuple[str, ...]
     split: str
     content_hash: str
+    scene: TableScene | None = None
+
+    @property
+    def table(self) -> Table | None:
+        """The table that the object rests on, in its frame; None in free air."""
+        return None if self.scene is None else self.scene.table
 
     def to(self, device: torch.device) -> ObjectModel:
         """The same object with its tensors on another device."""

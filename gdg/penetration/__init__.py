@@ -1,4 +1,4 @@
-"""How much of a hand is inside an object, and inside itself.
+"""How much of a hand is inside an object (or the table it rests on), and inside itself.
 
 On the CPU by code that numba compiles, which gives values and gradients in one pass
 (``compiled.py``); elsewhere, and as the reference, by tensor operations (``eager.py``).
@@ -21,6 +21,7 @@ from gdg.objects.model import ObjectModel
 from gdg.penetration import eager
 from gdg.penetration.blocks import link_blocks, pose_array
 from gdg.penetration.nearest_point import nearest_point_penetration
+from gdg.penetration.table import table_penetration
 
 __all__ = [
     "Penetration",
@@ -28,17 +29,19 @@ __all__ = [
     "penetration",
     "penetration_depth",
     "self_penetration",
+    "table_penetration",
 ]
 
 
 @dataclass(frozen=True)
 class Penetration:
-    """How much of a hand lies inside an object.
+    """How much of a hand lies inside an object, and inside the table that it rests on.
 
     Attributes:
         summed: Σ over surface points of relu(−δ) plus Σ over inscribed spheres of
             relu(radius − δ(centre)), metres. The paper sums over points alone, between which a
-            cup's wall goes unseen; a sphere that a wall cuts is always seen.
+            cup's wall goes unseen; a sphere that a wall cuts is always seen. On a table, the
+            same sum over −height is added.
         depth: the largest single term, metres: without a margin a lower bound of the true
             penetration depth. No gradient flows through it.
     """
@@ -58,7 +61,8 @@ def penetration(
 
     Args:
         hand: the hand.
-        obj: the object, whose signed distance is δ, or several, each with its share of the poses.
+        obj: the object, whose signed distance is δ, or several, each with its share of the poses;
+            each with the table that it rests on, if there is one.
         Ts_world_link: link poses; metres.
         stride: only every so-manieth surface point is tested, and its term multiplied by
             ``stride``, so that the sum keeps its size.
@@ -66,9 +70,15 @@ def penetration(
     """
     sdf = obj.sdf if isinstance(obj.sdf, SdfStack) else SdfStack.of([obj.sdf])
     if Ts_world_link.device.type == "cpu":
-        return Penetration(*_ObjectPenetration.apply(Ts_world_link, hand, sdf, stride, margin_m))
-    summed, depth = eager.object_penetration(hand, sdf, Ts_world_link, stride, margin_m)
-    return Penetration(summed, depth.detach())
+        found = Penetration(*_ObjectPenetration.apply(Ts_world_link, hand, sdf, stride, margin_m))
+    else:
+        summed, depth = eager.object_penetration(hand, sdf, Ts_world_link, stride, margin_m)
+        found = Penetration(summed, depth.detach())
+    tables = obj.tables if isinstance(obj, ObjectBatch) else (obj.table,)
+    if not any(tables):
+        return found
+    summed, depth = table_penetration(hand, tables, Ts_world_link, stride, margin_m)
+    return Penetration(found.summed + summed, torch.maximum(found.depth, depth))
 
 
 def penetration_depth(

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from gdg.config import JobConfig
 
@@ -20,6 +20,9 @@ DEFAULTS = {
 #: Data synthesis needs no contact maps.
 SYNTH_DEFAULTS = {**DEFAULTS, "planner": "dfc"}
 
+#: The protocol of a table-top scene unless another is named.
+TABLETOP_PROTOCOL = "tabletop-lift"
+
 Count = Annotated[int, Field(ge=1, le=1_000_000)]
 
 
@@ -30,21 +33,34 @@ class PairJob(JobConfig):
         hand: name or folder of the hand.
         object: name, folder or mesh file of the object.
         object_scale: factor from the mesh's unit to metres; 0.001 for millimetres.
+        scene: free (the object floats in free air) or tabletop (it rests on a table, and the hand
+            stays above it).
+        scene_pose: with scene=tabletop: which of the object's resting poses, 0 the most probable.
         n: how many grasps.
         seed: of every random choice.
         device: ``cpu`` or ``cuda``; simulation always runs on the CPU.
-        protocol: name of a stability protocol, or a YAML file with one.
+        protocol: name of a stability protocol, or a YAML file with one; unless one is named,
+            tabletop-lift with scene=tabletop.
         refine: close the hand by the protocol's contact-aware refinement.
     """
 
     hand: str
     object: str
     object_scale: Annotated[float, Field(gt=0)] = 1.0
+    scene: Literal["free", "tabletop"] = "free"
+    scene_pose: Annotated[int, Field(ge=0)] = 0
     n: Count = 8
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
     device: Annotated[str, Field(pattern=r"^(cpu|cuda(:\d+)?)$")] = "cpu"
     protocol: str = "dro-2024"
     refine: bool = True
+
+    @model_validator(mode="before")
+    @classmethod
+    def _protocol_of_the_scene(cls, given: Any) -> Any:
+        if isinstance(given, dict) and given.get("scene") == "tabletop":
+            return {"protocol": TABLETOP_PROTOCOL, **given}
+        return given
 
 
 class GraspJob(PairJob):
@@ -68,11 +84,20 @@ class EvalJob(PairJob):
 
     Attributes:
         out: folder of the evaluation.
-        workers: processes that share the cells.
+        engine: local (processes of this machine) or ray (a Ray cluster).
+        workers: processes that share the cells; 0 for one per core.
+        threads: of each worker; grasps may differ in the last digits with another number.
+        ray_address: of the Ray cluster, e.g. auto; by default RAY_ADDRESS, else one of its own.
+        cell_timeout_s: a plan or a test that takes longer is stopped, and its cells fail; 0 for
+            no limit.
     """
 
     out: str = "runs/eval"
-    workers: Annotated[int, Field(ge=1, le=256)] = 1
+    engine: Annotated[str, Field(pattern=r"^(local|ray)$")] = "local"
+    workers: Annotated[int, Field(ge=0, le=65_536)] = 0
+    threads: Annotated[int, Field(ge=1, le=1024)] = 1
+    ray_address: str = ""
+    cell_timeout_s: Annotated[float, Field(ge=0)] = 0.0
 
 
 class SynthJob(PairJob):

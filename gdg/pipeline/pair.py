@@ -20,6 +20,8 @@ from gdg.kinds.hand_model import HandModel
 from gdg.objects.model import ObjectModel, find_object
 from gdg.pipeline.jobs import PairJob
 from gdg.protocols import load_protocol
+from gdg.scenes.keep import keep_above
+from gdg.scenes.place import check_protocol, on_table
 from gdg.starts import prepare
 
 
@@ -46,8 +48,11 @@ class Pair:
         """
         job: PairJob = config.job
         device = _device(job.device)
-        load_protocol(job.protocol)  # a typo must be told before minutes of work
+        # a typo must be told before minutes of work
+        check_protocol(load_protocol(job.protocol), job.scene)
         obj = find_object(job.object, job.object_scale).to(device)
+        if job.scene == "tabletop":
+            obj = on_table(obj, job.scene_pose)
         if beside is not None:
             return cls(config, job, beside.hand, obj, beside.components)
         choice = config.components["hand_model"]
@@ -83,10 +88,16 @@ class Pair:
         return grasps
 
     def stamped(self, grasps: GraspSet, seconds: float) -> GraspSet:
-        """What a planner gave, with where it came from and how long planning took."""
+        """What a planner gave, with where it came from and how long planning took.
+
+        On a table, grasps that it forbids are left out and counted among the rejected ones.
+        """
+        grasps = keep_above(self.hand, self.obj, grasps)
         told = {**grasps.provenance.get("seconds", {}), "plan": seconds}
         return replace(
-            grasps, provenance={**grasps.provenance, **self.provenance(), "seconds": told}
+            grasps,
+            provenance={**grasps.provenance, **self.provenance(), "seconds": told},
+            scene=self.obj.scene,
         )
 
     def simulate(self, grasps: GraspSet, progress: Progress | None = None) -> GraspSet:
@@ -95,7 +106,7 @@ class Pair:
         started = time.perf_counter()
         prepared = prepare(self.hand, self.obj, grasps, protocol, self.job.refine)
         verdicts = self.components.get("simulator").simulate(
-            self.hand, self.obj, prepared, protocol, progress
+            self.hand, self.obj, prepared, protocol, progress, self.obj.table
         )
         seconds = {
             **grasps.provenance.get("seconds", {}),

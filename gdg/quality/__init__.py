@@ -25,6 +25,8 @@ __all__ = [
     "wrench_space",
 ]
 
+#: The metric that ``measure`` gives beside the others in a table-top scene.
+TABLE_METRIC = "table_penetration_mm"
 #: Names of the metrics that ``measure`` gives, in order.
 METRICS = (
     "penetration_mm",
@@ -46,6 +48,8 @@ def measure(
     - ``penetration_mm``: the deepest overlap of a part of the hand and one of the object,
       millimetres (``exact_overlap``); NaN for a grasp that is not finite.
     - ``self_penetration_mm``: the same of links that must not touch, millimetres.
+    - ``table_penetration_mm``: the same of the hand in the table, millimetres; only where the
+      object rests on one.
     - ``contacts``: number of contact points (``find_contacts``).
     - ``contact_links``: number of links with a contact.
     - ``contact_fingers``: number of fingers with a contact, the palm not counted.
@@ -77,6 +81,8 @@ def measure(
         name: torch.as_tensor(column).to(torch.float32)
         for name, column in zip(METRICS, columns, strict=True)
     }
+    if obj.table is not None:
+        measured[TABLE_METRIC] = overlap.table_mm
     return replace(grasps, metrics={**grasps.metrics, **measured}, contacts=contacts)
 
 

@@ -21,6 +21,7 @@ from gdg.hands.geometry import ConvexPart
 from gdg.kinds.hand_model import HandModel
 from gdg.objects.model import ObjectModel
 from gdg.quality.convex_depth import Polyhedron, overlap_depth, polyhedron, sphere
+from gdg.simulation.table import Table
 
 #: Parts that lie deeper than this in each other in the open posture do so by construction, metres.
 TOUCH_M = 1e-6
@@ -37,10 +38,12 @@ class Overlap:
     Attributes:
         object_mm: of the hand in the object.
         self_mm: of links of the hand that must not touch.
+        table_mm: of the hand in the table that the object rests on; 0 where there is none.
     """
 
     object_mm: Float[Tensor, "grasp"]
     self_mm: Float[Tensor, "grasp"]
+    table_mm: Float[Tensor, "grasp"]
 
 
 def exact_overlap(hand: HandModel, obj: ObjectModel, grasps: GraspSet) -> Overlap:
@@ -53,12 +56,13 @@ def exact_overlap(hand: HandModel, obj: ObjectModel, grasps: GraspSet) -> Overla
     """
     Ts = hand.link_poses(hand.q_of(grasps)).detach().cpu().double().numpy()
     moving, still = HandBodies(hand), Bodies(object_bodies(obj))
-    depths = np.full((len(grasps), 2), np.nan)
+    depths = np.full((len(grasps), 3), np.nan)
     for index in np.flatnonzero(np.isfinite(Ts).all((1, 2, 3))):
         moving.place(Ts[index])
-        depths[index] = moving.bodies.depth_in(still), moving.depth_in_itself()
-    object_mm, self_mm = torch.as_tensor(1000 * depths, dtype=torch.float32).T
-    return Overlap(object_mm, self_mm)
+        below = 0.0 if obj.table is None else -moving.bodies.height_above(obj.table)
+        depths[index] = moving.bodies.depth_in(still), moving.depth_in_itself(), max(0.0, below)
+    object_mm, self_mm, table_mm = torch.as_tensor(1000 * depths, dtype=torch.float32).T
+    return Overlap(object_mm, self_mm, table_mm)
 
 
 def object_bodies(obj: ObjectModel) -> list[Polyhedron]:
@@ -95,11 +99,17 @@ class Bodies:
         self.Ts = Ts_world_body
         T = Ts_world_body[self._owner]
         points = np.einsum("nij,nj->ni", T[:, :3, :3], self._vertices) + T[:, :3, 3]
+        self._points = points
         self._low = np.minimum.reduceat(points, self._first) - self._radii
         self._high = np.maximum.reduceat(points, self._first) + self._radii
         for shape, placed, T in zip(self.shapes, self._objects, Ts_world_body, strict=True):
             center = T[:3, :3] @ shape.vertices[0] + T[:3, 3] if shape.is_sphere else T[:3, 3]
             placed.setTransform(fcl.Transform(T[:3, :3], center))
+
+    def height_above(self, table: Table) -> float:
+        """Height of the lowest point of all bodies above a table, metres."""
+        heights = self._points @ table.up - self._radii[self._owner, 0]
+        return float(heights.min()) - table.offset
 
     def touching(
         self, others: Bodies, asked: Bool[np.ndarray, "body other"] | None = None

@@ -77,6 +77,7 @@ def report_payload(
         "contact_scale": [list(color) for color in CONTACT_SCALE],
         "colors": {"hand": HAND, "object": OBJECT_PLAIN, "touching": TOUCHING},
         "floor": float(vertices[:, 2].min()),
+        "table": obj.table is not None,
         "view": view_of(PLAIN_EYES, vertices),
         "joints": _joints(hand),
         "object_mesh": packed_mesh(scene.object_mesh),

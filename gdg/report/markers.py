@@ -16,6 +16,8 @@ from gdg.report.meshes import PictureMesh, picture_mesh
 LIFT_M = 0.0006
 #: A point of a region buried deeper than this stays where it is, so that the mistake shows, metres.
 MAX_BURIED_M = 0.003
+#: A table is drawn so far around what stands on it, metres.
+TABLE_MARGIN_M = 0.12
 #: Squares per side of a patch.
 STEPS = 8
 
@@ -65,6 +67,20 @@ def arrow_mesh(start: np.ndarray, direction: np.ndarray, length: float) -> Pictu
     T_link_arrow = np.array(trimesh.geometry.align_vectors((0.0, 0.0, 1.0), direction))
     T_link_arrow[:3, 3] = start
     return picture_mesh([mesh.apply_transform(T_link_arrow) for mesh in (shaft, tip)])
+
+
+def table_mesh(low: np.ndarray, high: np.ndarray) -> PictureMesh:
+    """A table top at z = 0 below a box from ``low`` to ``high``, and around it; metres, two-sided."""
+    middle, half = (low[:2] + high[:2]) / 2, (high[:2] - low[:2]).max() / 2 + TABLE_MARGIN_M
+    square = half * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) + middle
+    vertices = np.concatenate((square, np.zeros((4, 1))), axis=1).astype(np.float32)
+    upward = np.tile(np.array([0, 0, 1], np.float32), (4, 1))
+    faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
+    return PictureMesh(
+        np.concatenate((vertices, vertices)),
+        np.concatenate((upward, -upward)),
+        np.concatenate((faces, faces[:, ::-1] + 4)),
+    )
 
 
 def frame_axes(length: float) -> list[PictureMesh]:

@@ -16,6 +16,8 @@ CONTACT_SCALE = (
 )
 OBJECT_PLAIN = (214, 213, 210)
 HAND = (146, 173, 203)
+#: The table that an object rests on.
+TABLE = (150, 128, 104)
 #: Dots where the hand touches, on top of the contact scale.
 TOUCHING = (20, 110, 160)
 #: Contact regions by finger, apart from each other for colour-blind eyes too; the palm's own; the

@@ -10,7 +10,7 @@ import pyvista
 from PIL import Image
 
 from gdg.report.meshes import PictureMesh
-from gdg.report.palette import HAND, OBJECT_PLAIN, contact_colors, unit_rgb
+from gdg.report.palette import HAND, OBJECT_PLAIN, TABLE, contact_colors, unit_rgb
 from gdg.report.scene import Scene
 from gdg.report.views import camera_axes
 
@@ -22,6 +22,8 @@ BLEED_PX = 8
 FIELD_OF_VIEW_DEG = 18.0
 #: Share of the picture's sides that stays free around what is shown.
 BORDER = 0.05
+#: What is below a table shows through it.
+TABLE_OPACITY = 0.45
 #: How far from a surface others darken it, metres.
 OCCLUSION_RADIUS_M = 0.012
 #: Lights by direction in the camera's frame (right, up, towards the viewer) and strength.
@@ -81,7 +83,9 @@ class Renderer:
         """Frees the window."""
         self._plotter.close()
 
-    def add(self, mesh: PictureMesh, color: Color, shine: float = 0.15) -> Drawn:
+    def add(
+        self, mesh: PictureMesh, color: Color, shine: float = 0.15, opacity: float = 1.0
+    ) -> Drawn:
         """Adds a mesh in one colour; its vertices may be coloured later."""
         surface = pyvista.PolyData.from_regular_faces(mesh.vertices, mesh.faces)
         surface.point_data.active_normals = mesh.normals
@@ -94,6 +98,7 @@ class Renderer:
             diffuse=0.85,
             specular=shine,
             specular_power=30,
+            opacity=opacity,
             reset_camera=False,
         )
         # not smooth_shading=True, which would copy the mesh and make its own normals
@@ -141,6 +146,8 @@ class SceneRenderer(Renderer):
             link: self.add(mesh, unit_rgb(HAND), shine=0.25)
             for link, mesh in scene.link_meshes.items()
         }
+        if scene.table is not None:
+            self.add(scene.table, unit_rgb(TABLE), shine=0.0, opacity=TABLE_OPACITY)
 
     def grasp(self, index: int, eyes: Sequence[np.ndarray]) -> list[Image.Image]:
         """Pictures of one grasp from the given directions."""

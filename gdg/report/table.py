@@ -17,7 +17,7 @@ _NOTHING = "-"
 def verdict_table(grasps: GraspSet) -> Table:
     """One row per grasp: energy, penetration, movement, drift, verdict, stability.
 
-    ``moved`` is the largest displacement over the push directions, ``stability`` the share of
+    ``moved`` is the largest displacement over the pushes and the lift, ``stability`` the share of
     the slightly shifted trials that passed. Columns stay empty for what was not measured.
     """
     table = Table(header_style="bold", row_styles=("", "dim"))
@@ -53,8 +53,9 @@ def _trials_cell(verdict: Verdict) -> str:
 
 
 def moved(verdict: Verdict) -> float:
-    """The largest displacement over the push directions, metres."""
-    return max(verdict.displacement_m, default=math.nan)
+    """The largest displacement over the pushes and the lift that took place, metres."""
+    each = (*verdict.displacement_m, verdict.lift_displacement_m)
+    return max((length for length in each if not math.isnan(length)), default=math.nan)
 
 
 def millimetres(length_m: float) -> str:

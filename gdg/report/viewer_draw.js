@@ -113,7 +113,7 @@ const GRID_VERTEX = `#version 300 es
 in vec3 position; uniform mat4 view, project; uniform vec3 origin; uniform float spread; out vec2 at;
 void main() { at = position.xy * spread; gl_Position = project * view * vec4(origin + spread * position, 1.0); }`;
 const GRID_FRAGMENT = `#version 300 es
-precision highp float; in vec2 at; uniform vec3 color; uniform float spread; out vec4 result;
+precision highp float; in vec2 at; uniform vec3 color; uniform float spread, table; out vec4 result;
 float lines(float step) {
   vec2 g = at / step, w = fwidth(g), d = abs(fract(g - 0.5) - 0.5);
   vec2 l = (1.0 - smoothstep(w * 0.4, w * 1.4, d)) * clamp(0.5 / w - 1.0, 0.0, 1.0);
@@ -121,7 +121,7 @@ float lines(float step) {
 }
 void main() {
   float fade = 1.0 - smoothstep(0.35, 1.0, length(at) / spread);
-  result = vec4(color, fade * max(0.16 * lines(0.01), 0.32 * lines(0.05)));
+  result = vec4(color, fade * max(table, max(0.16 * lines(0.01), 0.32 * lines(0.05))));
 }`;
 
 let gl = null, programs = null, scene = null;
@@ -273,6 +273,7 @@ function drawGrid(view, project) {
   gl.depthMask(false);
   gl.uniform3fv(programs.grid.slot("origin"), [0, 0, data.floor - 0.0005]);
   gl.uniform1f(programs.grid.slot("spread"), 0.3);
+  gl.uniform1f(programs.grid.slot("table"), data.table ? 0.22 : 0.0);
   gl.uniform3fv(programs.grid.slot("color"), theme.grid);
   gl.bindVertexArray(scene.grid.layout);
   gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4);

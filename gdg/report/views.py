@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,8 @@ import numpy as np
 #: Candidate eyes: every 15° around the object's z axis at these elevations.
 AZIMUTHS_DEG = np.arange(0.0, 360.0, 15.0)
 ELEVATIONS_DEG = (-15.0, 20.0, 50.0)
+#: Elevations from which a table does not hide what stands on it.
+ABOVE_TABLE_DEG = (8.0, 20.0, 50.0)
 #: Points hide others in the same cell of the image that lie deeper by the given depth, metres.
 CELL_M, HIDING_DEPTH_M = 0.011, 0.012
 #: Cells are numbered up to this one.
@@ -28,7 +31,11 @@ class Points:
 
 
 def best_views(
-    thing: Points, hand: Points, weights: np.ndarray, palm_normal: np.ndarray
+    thing: Points,
+    hand: Points,
+    weights: np.ndarray,
+    palm_normal: np.ndarray,
+    elevations_deg: Sequence[float] = ELEVATIONS_DEG,
 ) -> np.ndarray:
     """Two unit vectors towards the eye, (2, 3), the better one first.
 
@@ -37,8 +44,9 @@ def best_views(
         hand: the hand's surface.
         weights: (n,) how much each object point is worth seeing, such as its contact value.
         palm_normal: unit vector; looking along it, the hand hides the object or the reverse.
+        elevations_deg: of the eyes that come into question.
     """
-    eyes = _candidates()
+    eyes = _candidates(elevations_deg)
     scores = np.array([_score(eye, thing, hand, weights, palm_normal) for eye in eyes])
     first = int(scores.argmax())
     far = eyes @ eyes[first] <= np.cos(np.radians(MIN_ANGLE_DEG))
@@ -64,8 +72,8 @@ def frame_points(thing: Points, hand: Points) -> np.ndarray:
     return np.concatenate((thing.positions, hand.positions[near]))
 
 
-def _candidates() -> np.ndarray:
-    azimuth, elevation = np.meshgrid(np.radians(AZIMUTHS_DEG), np.radians(ELEVATIONS_DEG))
+def _candidates(elevations_deg: Sequence[float]) -> np.ndarray:
+    azimuth, elevation = np.meshgrid(np.radians(AZIMUTHS_DEG), np.radians(elevations_deg))
     flat = np.cos(elevation)
     eyes = np.stack((flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)), axis=-1)
     return eyes.reshape(-1, 3)

@@ -9,6 +9,7 @@ import numpy as np
 import trimesh
 
 from gdg.objects.model import ObjectModel
+from gdg.protocols import Body
 
 #: Density of hand links without a plausible mass of their own, kg/m³.
 LINK_DENSITY = 1000.0
@@ -37,8 +38,10 @@ class MassProperties:
     moments: np.ndarray
 
 
-def object_mass(obj: ObjectModel, density: float) -> MassProperties:
-    """Mass properties of the object at a uniform density in kg/m³."""
+def object_mass(obj: ObjectModel, body: Body) -> MassProperties:
+    """Mass properties of the object, of uniform density, as a protocol gives density or mass."""
+    density = body.density if body.mass_kg is None else body.mass_kg / obj.volume
+    assert density is not None
     inertia = density * obj.inertia.cpu().double().numpy()
     center = obj.center_of_mass.cpu().double().numpy()
     return _principal(density * obj.volume, center, inertia)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import time
 from abc import abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -19,6 +21,7 @@ from gdg.objects.model import ObjectModel
 from gdg.penetration import penetration_depth
 from gdg.protocols import Protocol
 from gdg.simulation.options import SimulatorOptions
+from gdg.simulation.table import Table
 from gdg.simulation.trial import Start, Trial, Until, free_displacement, run_trial
 from gdg.simulation.world import GraspWorld
 
@@ -43,8 +46,14 @@ class WorldSimulator(Simulator):
         self._trials = options.trials
 
     @abstractmethod
-    def build_world(self, hand: Hand, obj: ObjectModel, protocol: Protocol) -> GraspWorld:
+    def build_world(
+        self, hand: Hand, obj: ObjectModel, protocol: Protocol, table: Table | None = None
+    ) -> GraspWorld:
         """A fresh world; subclasses may alter it before trials run in it."""
+
+    def left_out(self, protocol: Protocol) -> tuple[str, ...]:
+        """What the engine can't simulate of a protocol, a sentence each; verdicts repeat it."""
+        return ()
 
     def simulate(
         self,
@@ -53,12 +62,15 @@ class WorldSimulator(Simulator):
         grasps: GraspSet,
         protocol: Protocol,
         progress: Progress | None = None,
+        table: Table | None = None,
     ) -> tuple[Verdict, ...]:
         """One verdict per grasp, in order.
 
         Raises:
-            GdgError: the grasps' joints are not the hand's.
+            GdgError: the grasps' joints are not the hand's; or there is a table under a protocol
+                without one, or none where it needs one.
         """
+        _check_table(protocol, table)
         if grasps.joint_names != hand.joint_names:
             raise GdgError(
                 f"The grasps have the joints {', '.join(grasps.joint_names)}, but hand "
@@ -66,33 +78,89 @@ class WorldSimulator(Simulator):
             )
         if not len(grasps):
             return ()
-        world = self.build_world(hand.hand, obj, protocol)
-        free = free_displacement(world, protocol)
+        bench = _Bench(lambda: self.build_world(hand.hand, obj, protocol, table), protocol, table)
+        facts = _Facts(
+            protocol,
+            bench.free_displacement(),
+            grasps.targets is not None,
+            self.engine,
+            self.left_out(protocol),
+        )
         depths = _start_penetration(hand, obj, grasps)
-        shifts, refined = _shifts(protocol), grasps.targets is not None
         verdicts = []
         for index, start in enumerate(_starts(grasps)):
             began = time.perf_counter()
-            trials: list[Trial] = []
-            for shift in shifts:
-                trials.append(run_trial(world, protocol, start.shifted(shift), self._until(trials)))
-                if trials[-1].diverged:
-                    # NaN stays in a world
-                    world = self.build_world(hand.hand, obj, protocol)
-                if self._trials == "decisive" and _decided(trials, len(shifts)):
-                    break
-            verdicts.append(
-                _verdict(trials, protocol, depths[index], free, refined, self.engine, began)
-            )
+            trials = self._trials_of(bench, start, depths[index])
+            verdicts.append(_verdict(trials, facts, depths[index], began))
             if progress is not None:
                 progress(index + 1, len(grasps))
         return tuple(verdicts)
+
+    def _trials_of(self, bench: _Bench, start: Start, depth_mm: float) -> list[Trial]:
+        """The trials of one grasp: all of them, or as many as decide it."""
+        limit = bench.protocol.start.max_initial_penetration_m
+        shifts, trials = _shifts(bench.protocol), list[Trial]()
+        if limit is not None and depth_mm > 1000.0 * limit:
+            # shifts by fractions of a millimetre change nothing of it
+            first = bench.run(start, self._until(trials), "penetrating")
+            return [first] * (len(shifts) if self._trials == "all" else _least_failing(len(shifts)))
+        for shift in shifts:
+            trials.append(bench.run(start.shifted(shift), self._until(trials)))
+            if self._trials == "decisive" and _decided(trials, len(shifts)):
+                break
+        return trials
 
     def _until(self, before: list[Trial]) -> Until:
         """How long the trial after these must run: the first that fails names the failure."""
         if not before and self._trials == "all":
             return "end"
         return "failed" if any(trial.failure for trial in before) else "named"
+
+
+class _Bench:
+    """Runs trials of one hand and object in a world that is built anew when it breaks."""
+
+    def __init__(
+        self, build: Callable[[], GraspWorld], protocol: Protocol, table: Table | None
+    ) -> None:
+        self.protocol = protocol
+        self._build, self._table = build, table
+        self._world = build()
+
+    def free_displacement(self) -> float:
+        """Of the object without a hand, metres."""
+        return free_displacement(self._world, self.protocol, self._table)
+
+    def run(self, start: Start, until: Until, failure: str = "") -> Trial:
+        """One trial; see ``run_trial``."""
+        trial = run_trial(self._world, self.protocol, start, until, self._table, failure)
+        if trial.diverged:
+            self._world = self._build()  # NaN stays in a world
+        return trial
+
+
+@dataclass(frozen=True)
+class _Facts:
+    """What the verdicts of all grasps of a call have in common."""
+
+    protocol: Protocol
+    free_displacement: float
+    refined: bool
+    engine: str
+    left_out: tuple[str, ...]
+
+
+def _check_table(protocol: Protocol, table: Table | None) -> None:
+    if protocol.needs_table and table is None:
+        raise GdgError(
+            f"Protocol '{protocol.name}' lifts the object from a table, but the scene has none; "
+            f"write scene=tabletop, or choose a protocol whose lift has support: none."
+        )
+    if table is not None and not protocol.needs_table:
+        raise GdgError(
+            f"The scene has a table, but protocol '{protocol.name}' doesn't lift from one; "
+            f"write protocol=tabletop-lift."
+        )
 
 
 def _starts(grasps: GraspSet) -> list[Start]:
@@ -113,6 +181,11 @@ def _shifts(protocol: Protocol) -> list[np.ndarray]:
     return shifts
 
 
+def _least_failing(total: int) -> int:
+    """How many failing trials of ``total`` decide that a grasp fails."""
+    return (total + 1) // 2
+
+
 def _decided(trials: list[Trial], total: int) -> bool:
     """Whether the trials still to come, up to ``total``, can't change the majority."""
     failed = sum(1 for trial in trials if trial.failure)
@@ -125,17 +198,9 @@ def _start_penetration(hand: HandModel, obj: ObjectModel, grasps: GraspSet) -> l
         return (1000.0 * penetration_depth(hand, obj, hand.q_of(grasps))).tolist()
 
 
-def _verdict(
-    trials: list[Trial],
-    protocol: Protocol,
-    penetration_mm: float,
-    free: float,
-    refined: bool,
-    engine: str,
-    began: float,
-) -> Verdict:
+def _verdict(trials: list[Trial], facts: _Facts, penetration_mm: float, began: float) -> Verdict:
     first, passed = trials[0], tuple(not trial.failure for trial in trials)
-    total = 1 + protocol.shifts.count
+    total = 1 + facts.protocol.shifts.count
     # of all trials, since those that were left out can't change a majority
     success = 2 * sum(passed) > total
     failures = [trial.failure for trial in trials if trial.failure]
@@ -148,11 +213,15 @@ def _verdict(
         contact_kept=first.contact_kept,
         penetration_start_mm=penetration_mm,
         penetration_end_mm=1000.0 * first.overlap,
-        free_displacement_m=free,
+        free_displacement_m=facts.free_displacement,
         shift_successes=passed,
-        protocol=protocol.label,
-        engine=engine,
-        refined=refined,
+        protocol=facts.protocol.label,
+        engine=facts.engine,
+        refined=facts.refined,
         seconds=time.perf_counter() - began,
         trials=total,
+        lift_displacement_m=first.lifted.displacement,
+        lift_rotation_rad=first.lifted.rotation,
+        lift_contact=first.lifted.held,
+        left_out=facts.left_out,
     )

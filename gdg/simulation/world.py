@@ -55,7 +55,8 @@ class GraspWorld(ABC):
     """One hand, one object, one protocol in a physics engine; reset for every trial.
 
     The object's frame is the world frame at the start of a trial. The hand's root is fixed. There
-    is no gravity.
+    is no gravity: weight and the acceleration of a lift are what ``step`` is given. A world may
+    have a ``Table`` (``gdg.simulation.table``), which hand and object collide with.
     """
 
     @abstractmethod
@@ -76,7 +77,10 @@ class GraspWorld(ABC):
 
     @abstractmethod
     def step(self, count: int, acceleration: np.ndarray | None = None) -> None:
-        """Simulates ``count`` steps under a force of acceleration (m/s²) × mass at the centre."""
+        """Simulates ``count`` steps under a force of acceleration (m/s²) × mass at the centre.
+
+        The force acts on the object alone; the hand has no weight (a robot compensates it).
+        """
 
     @abstractmethod
     def object_state(self) -> ObjectState:
@@ -84,7 +88,20 @@ class GraspWorld(ABC):
 
     @abstractmethod
     def touch(self) -> Touch:
-        """Contact of hand and object in the last step."""
+        """Contact of hand and object in the last step; a table's contacts don't count."""
+
+    def lower_table(self, distance: float) -> None:
+        """Moves the table to ``distance`` below where it stood at ``reset``, metres.
+
+        The motion takes the next step, so that the table has the speed that belongs to it.
+        ``reset`` and ``restore`` put it back. Worlds that are never built with a table need
+        neither this nor ``on_table``.
+        """
+        raise NotImplementedError(f"{type(self).__name__} has no table")
+
+    def on_table(self) -> bool:
+        """Whether object and table touched in the last step."""
+        raise NotImplementedError(f"{type(self).__name__} has no table")
 
     @abstractmethod
     def save(self) -> Any:

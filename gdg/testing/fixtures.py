@@ -75,7 +75,7 @@ def quick_protocol(per_direction: bool) -> Protocol:
     """
     preset = load_protocol("dro-2024")
     changes: dict[str, object] = {"shifts": preset.shifts.model_copy(update={"count": 0})}
-    if per_direction:
+    if per_direction and preset.pushes is not None:
         changes["pushes"] = preset.pushes.model_copy(update={"order": "reset"})
         changes["success"] = preset.success.model_copy(update={"measured": "per-push"})
     return preset.model_copy(update=changes)

@@ -17,7 +17,8 @@ from gdg.objects.model import ObjectModel
 from gdg.pipeline.jobs import DEFAULTS
 from gdg.registry import get_registry
 from gdg.testing.checks import differ, moved_global_state, seeded
-from gdg.testing.fixtures import small_cube
+from gdg.testing.fixtures import model_of, small_cube, two_jaws
+from gdg.testing.trainable import training_problems
 
 COUNT = 3
 #: Far fewer than the 2048 points that objects have.
@@ -81,4 +82,9 @@ def other_points(case: GeneratorCase) -> Iterator[str]:
             yield f"an object of {FEW_POINTS} points got maps of shape {tuple(drawn.values.shape)}."
 
 
-CHECKS = (maps, randomness, label, other_points)
+def training(case: GeneratorCase) -> Iterator[str]:
+    """A generator that learns can be trained, repeatably."""
+    yield from training_problems(case.generator, model_of(two_jaws()), case.obj)
+
+
+CHECKS = (maps, randomness, label, other_points, training)

@@ -14,6 +14,7 @@ from gdg.objects.model import ObjectModel
 from gdg.testing.checks import moved_global_state, seeded
 from gdg.testing.fixtures import GripperCase, small_cube
 from gdg.testing.grasps import grasp_set_problems, progress_problems, repeat_problems
+from gdg.testing.trainable import training_problems
 
 COUNT = 3
 #: Far fewer than the 2048 points that objects have.
@@ -79,6 +80,11 @@ def many_objects(case: PlannerCase) -> Iterator[str]:
         yield from grasp_set_problems(case.hand, obj, grasps)
 
 
+def training(case: PlannerCase) -> Iterator[str]:
+    """A planner that learns can be trained, repeatably."""
+    yield from training_problems(case.planner, case.hand, case.obj)
+
+
 def _provenance_mistakes(planned: GraspSet) -> Iterator[str]:
     rejected = planned.provenance.get("rejected")
     if not isinstance(rejected, Mapping):
@@ -89,4 +95,4 @@ def _provenance_mistakes(planned: GraspSet) -> Iterator[str]:
             yield f"provenance['rejected'][{reason!r}] is {count!r}, not a count."
 
 
-CHECKS = (grasps, one_grasp, randomness, other_points, many_objects)
+CHECKS = (grasps, one_grasp, randomness, other_points, many_objects, training)

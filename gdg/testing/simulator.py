@@ -11,19 +11,22 @@ import numpy as np
 import torch
 
 from gdg.data.grasps import GraspSet
-from gdg.data.verdict import DIRECTIONS, Verdict
+from gdg.data.verdict import DIRECTIONS, FAILURES, Verdict
 from gdg.errors import GdgError
 from gdg.kinds.fitter import Progress
 from gdg.kinds.simulator import Simulator
-from gdg.protocols import Protocol
-from gdg.testing.fixtures import GripperCase, jaw_grasps, quick_protocol
+from gdg.protocols import Protocol, load_protocol
+from gdg.simulation.table import Table
+from gdg.testing.fixtures import HALF_CUBE_M, GripperCase, jaw_grasps, quick_protocol
 from gdg.testing.grasps import progress_problems
 
 #: A hand that is shifted so far holds nothing, metres.
 ABSENT_M = 1.0
 #: Two runs of one trial in one process, metres.
 REPEAT_TOLERANCE_M = 1e-4
-FAILURES = ("moved", "rotated", "lost-contact", "drifted", "penetrating", "diverged")
+#: The palm looks down on the cube from so far above its middle: the jaws' tips are 5 mm above the
+#: table, metres.
+PALM_ABOVE_M = 0.05
 
 
 @dataclass(frozen=True)
@@ -43,10 +46,14 @@ class SimulatorCase(GripperCase):
         return self.run(jaw_grasps((0.0, ABSENT_M)), self.protocol)
 
     def run(
-        self, grasps: GraspSet, protocol: Protocol, progress: Progress | None = None
+        self,
+        grasps: GraspSet,
+        protocol: Protocol,
+        progress: Progress | None = None,
+        table: Table | None = None,
     ) -> tuple[Verdict, ...]:
         """Verdicts of grasps of the cube."""
-        return self.simulator.simulate(self.hand, self.obj, grasps, protocol, progress)
+        return self.simulator.simulate(self.hand, self.obj, grasps, protocol, progress, table)
 
 
 def verdicts(case: SimulatorCase) -> Iterator[str]:
@@ -81,11 +88,56 @@ def absent_hand(case: SimulatorCase) -> Iterator[str]:
         yield "a hand one metre away has no contact to keep."
     measured = [value for value in verdict.displacement_m if not math.isnan(value)]
     least = min(measured, default=0.0)
-    if not least > protocol.success.max_displacement_m:
+    if not least > (protocol.success.max_displacement_m or 0.0):
         yield (
             f"a free object moved only {1000 * least:.1f} mm in some direction, less than the "
             f"protocol's limit."
         )
+
+
+def lifted_grasp(case: SimulatorCase) -> Iterator[str]:
+    """Two jaws that press on a cube lift it; a hand that is not there doesn't."""
+    firm, absent = case.run(jaw_grasps((0.0, ABSENT_M)), _without_shifts("gdg-realistic-1"))
+    for verdict in (firm, absent):
+        yield from _plain_mistakes(verdict)
+    if not (firm.success and firm.lift_contact):
+        yield f"two jaws that press on the cube must lift it, but: {firm.failure}."
+    if absent.success or absent.lift_contact:
+        yield "a hand one metre away must not lift the cube."
+    if not (math.isnan(absent.lift_displacement_m) or absent.lift_displacement_m > ABSENT_M):
+        yield "a free object under gravity for a second falls by metres, but did not."
+
+
+def cube_on_a_table(case: SimulatorCase) -> Iterator[str]:
+    """Two jaws lift a cube off a table; without them it stays there."""
+    protocol = _without_shifts("tabletop-lift")
+    grasps = jaw_grasps((0.0, ABSENT_M), squeeze=0.004)
+    grasps.poses[:, 1, 1] = grasps.poses[:, 2, 2] = -1.0
+    grasps.poses[:, 2, 3] = PALM_ABOVE_M
+    table = Table((0.0, 0.0, 1.0), -HALF_CUBE_M)
+    firm, absent = case.run(grasps, protocol, table=table)
+    if not (firm.success and firm.lift_contact):
+        yield f"two jaws that press on the cube must lift it off a table, but: {firm.failure}."
+    if absent.failure != "dropped" or absent.drift_m > 0.001:
+        yield f"a cube that nobody lifts must stay on the table: {absent.failure or 'success'}."
+    free = absent.free_displacement_m
+    if protocol.lift is not None and not math.isclose(free, protocol.lift.height_m, rel_tol=0.05):
+        yield f"a cube on a table that sinks by 100 mm must sink with it, not by {1000 * free:.0f}."
+    for name, given in (("tabletop-lift", None), ("gdg-realistic-1", table)):
+        try:
+            case.run(grasps, _without_shifts(name), table=given)
+        except GdgError:
+            continue
+        yield "a table without a lift from it, or the other way round, must raise a GdgError."
+
+
+def initial_overlap(case: SimulatorCase) -> Iterator[str]:
+    """A grasp that starts too deep in the object fails, whatever the solver makes of it."""
+    grasps = jaw_grasps((0.0,), squeeze=0.004)
+    grasps.joints[:] += 0.003
+    (verdict,) = case.run(grasps, _without_shifts("gdg-realistic-1"))
+    if verdict.failure != "penetrating":
+        yield f"jaws 3 mm inside the cube must fail as penetrating, not '{verdict.failure}'."
 
 
 def repetition(case: SimulatorCase) -> Iterator[str]:
@@ -131,6 +183,11 @@ def progress(case: SimulatorCase) -> Iterator[str]:
     calls: list[tuple[int, int]] = []
     case.run(jaw_grasps((0.0,)), case.protocol, lambda done, total: calls.append((done, total)))
     yield from progress_problems(calls)
+
+
+def _without_shifts(name: str) -> Protocol:
+    preset = load_protocol(name)
+    return preset.model_copy(update={"shifts": preset.shifts.model_copy(update={"count": 0})})
 
 
 def _apart(first: Verdict, second: Verdict, when: str) -> Iterator[str]:
@@ -185,6 +242,6 @@ def _field_mistakes(verdict: Verdict, protocol: Protocol) -> Iterator[str]:
 
 
 CHECKS = (
-    verdicts, firm_grasp, absent_hand, repetition, alone, turned_grasp, no_targets,
-    foreign_grasps, progress,
+    verdicts, firm_grasp, absent_hand, lifted_grasp, cube_on_a_table, initial_overlap, repetition,
+    alone, turned_grasp, no_targets, foreign_grasps, progress,
 )  # fmt: skip

@@ -1,28 +1,36 @@
-"""Fits a module to maps with Lightning: logs, checkpoints, resume."""
+"""Fits a module to items with Lightning: logs, checkpoints, resume, early stopping."""
 
 from __future__ import annotations
 
 import importlib.util
 import pickle
 import time
-from collections.abc import Sequence
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import torch
-from lightning.pytorch import LightningModule, Trainer
-from lightning.pytorch.callbacks import ModelCheckpoint
+from lightning.pytorch import Callback, LightningModule, Trainer
+from lightning.pytorch.callbacks import EarlyStopping, EMAWeightAveraging, ModelCheckpoint
 from lightning.pytorch.loggers import CSVLogger, Logger, TensorBoardLogger
-from torch.utils.data import DataLoader
 
 from gdg.errors import GdgError
+from gdg.training.callbacks import History, LastCheckpoint, StepRandomness, place_of
+from gdg.training.data import TrainingData
 from gdg.training.job import TrainJob
-from gdg.training.maps import EpochShuffle, MapDataset, MapGroup, as_batch
 
-#: The release's batch, and the least number of steps per epoch for which it is kept.
-BATCH, MIN_STEPS = 128, 16
 MONITORED = "val_recon"
+#: Lightning's, about what is taken care of here: the steps go on where they were, few steps per
+#: epoch are logged per epoch, there may be no validation, checkpoints are replaced; or not ours.
+NEEDLESS_WARNINGS = (
+    ".*resuming from a checkpoint that ended before the epoch ended",
+    ".*smaller than the logging interval",
+    "Total length of .* across ranks is zero",
+    "Checkpoint directory .* exists and is not empty",
+    ".*does not have many workers",
+    ".*treespec, LeafSpec.* is deprecated",
+)
 
 
 @dataclass(frozen=True)
@@ -32,66 +40,59 @@ class Fitted:
     Attributes:
         module: with the weights of the kept epoch.
         epoch: of these weights, from 0.
-        val_recon: their reconstruction error on the validation objects, or None without any.
-        batch: maps per step that was used.
+        epochs: that were trained.
+        figures: of the kept epoch, by name.
+        val_recon: its reconstruction error on the validation objects, or None without any.
+        batch: items per step and process.
         seconds: wall time of this fit (after a resume, of the rest).
         device: where it ran.
+        is_first: whether this process is the one that writes the outcome.
     """
 
     module: LightningModule
     epoch: int
+    epochs: int
+    figures: dict[str, float]
     val_recon: float | None
     batch: int
     seconds: float
     device: str
+    is_first: bool
 
 
-def fit(
-    module: LightningModule,
-    train: Sequence[MapGroup],
-    validation: Sequence[MapGroup],
-    job: TrainJob,
-    out: Path,
-) -> Fitted:
+def fit(module: LightningModule, data: TrainingData, job: TrainJob, out: Path) -> Fitted:
     """Trains a module and gives it back with the weights of the epoch to keep.
 
-    Writes ``out/checkpoints/{last,best}.ckpt`` and ``out/logs/version_N/metrics.csv``.
+    Writes ``out/checkpoints/{last,best}.ckpt``, ``out/curves.{csv,png}`` and
+    ``out/logs/version_N/metrics.csv``.
 
     Args:
-        module: what ``Generator.trainable`` gave.
-        train: maps to learn from.
-        validation: maps to choose the best epoch by; may be empty if ``job.keep`` is ``last``.
+        module: what ``Trainable.trainable`` gave.
+        data: what to learn from; without validation items ``job.keep`` must be ``last``.
         job: the run's settings.
         out: the run's folder.
 
     Raises:
-        GdgError: an unreadable checkpoint to resume from.
+        GdgError: an unreadable checkpoint to resume from, no validation items to stop early by,
+            or a training that diverged.
     """
-    data = MapDataset(train, job.points, job.seed)
-    batch = job.batch or max(2, min(BATCH, len(data) // MIN_STEPS))
-    train_loader, validation_loader = _loader(data, batch, job, shuffled=True), None
-    if validation:
-        whole = MapDataset(validation, points=len(validation[0].points), seed=job.seed)
-        validation_loader = _loader(whole, batch, job, shuffled=False)
-    folder = out / "checkpoints"
+    if job.patience and not data.has_validation:
+        raise GdgError("patience: stopping early needs validation objects; leave it out.")
+    folder, start = out / "checkpoints", time.perf_counter()
+    history = History(out)
+    trainer = _trainer(job, out, [*_callbacks(folder, data, job), history])
     resumed = _last_checkpoint(folder) if job.resume else None
-    checkpoints = _checkpoints(folder, bool(validation))
-    trainer = _trainer(job, out, checkpoints)
-    start = time.perf_counter()
-    trainer.fit(module, train_loader, validation_loader, ckpt_path=resumed, weights_only=True)
+    if resumed is not None:
+        data.start = place_of(read_checkpoint(resumed))
+    if resumed is not None and _has_stopped(read_checkpoint(resumed), job):
+        history.load_state_dict(read_checkpoint(resumed)["callbacks"]["History"])
+    else:
+        with warnings.catch_warnings():
+            for message in NEEDLESS_WARNINGS:
+                warnings.filterwarnings("ignore", message)
+            trainer.fit(module, datamodule=data, ckpt_path=resumed, weights_only=True)
     seconds = time.perf_counter() - start
-    kept = read_checkpoint(folder / f"{job.keep}.ckpt")
-    module.load_state_dict(kept["state_dict"])
-    score = checkpoints[0].best_model_score if job.keep == "best" else None
-    score = trainer.callback_metrics.get(MONITORED) if score is None else score
-    return Fitted(
-        module.eval(),
-        epoch=int(kept["epoch"]),
-        val_recon=None if score is None else float(score),
-        batch=batch,
-        seconds=seconds,
-        device=str(trainer.strategy.root_device),
-    )
+    return _kept(module, data, job, folder, trainer, history, seconds)
 
 
 def read_checkpoint(path: Path) -> dict[str, Any]:
@@ -108,37 +109,90 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
         raise GdgError(f"{path}: is no readable checkpoint: {error}") from error
 
 
-def _last_checkpoint(folder: Path) -> Path | None:
-    """The checkpoint to go on from; None where the run was stopped before its first one."""
-    last = folder / "last.ckpt"
-    if not last.is_file():
-        return None
-    read_checkpoint(last)
-    return last
-
-
-def _loader(data: MapDataset, batch: int, job: TrainJob, shuffled: bool) -> DataLoader:
-    return DataLoader(
-        data,
-        batch_size=batch,
-        sampler=EpochShuffle(data, job.seed) if shuffled else None,
-        # a last batch of one map has no spread for batch norm to learn from
-        drop_last=shuffled and len(data) % batch == 1,
-        collate_fn=as_batch,
-        num_workers=job.workers,
-        persistent_workers=job.workers > 0,
+def _kept(
+    module: LightningModule,
+    data: TrainingData,
+    job: TrainJob,
+    folder: Path,
+    trainer: Trainer,
+    history: History,
+    seconds: float,
+) -> Fitted:
+    """The outcome, with the weights of the epoch to keep."""
+    path = folder / f"{job.keep}.ckpt"
+    if not path.is_file():
+        raise GdgError(
+            f"no epoch gave a finite {MONITORED}: the training diverged; lower learning_rate or "
+            f"set gradient_clip."
+        )
+    kept = read_checkpoint(path)
+    module.load_state_dict(kept["state_dict"])
+    if not all(tensor.isfinite().all() for tensor in module.state_dict().values()):
+        raise GdgError(
+            "the training diverged: weights are not finite; lower learning_rate or set "
+            "gradient_clip."
+        )
+    epoch = int(kept["epoch"])
+    figures = next((dict(row) for row in history.rows if row["epoch"] == epoch + 1), {})
+    return Fitted(
+        module.eval(),
+        epoch=epoch,
+        epochs=len(history.rows),
+        figures=figures,
+        val_recon=figures.get(MONITORED),
+        batch=data.batch,
+        seconds=seconds,
+        device=str(trainer.strategy.root_device),
+        is_first=trainer.is_global_zero,
     )
 
 
-def _checkpoints(folder: Path, with_validation: bool) -> list[ModelCheckpoint]:
-    common: dict[str, Any] = {"dirpath": folder, "enable_version_counter": False}
-    last = ModelCheckpoint(filename="last", save_on_train_epoch_end=not with_validation, **common)
-    if not with_validation:
-        return [last]
-    return [ModelCheckpoint(filename="best", monitor=MONITORED, mode="min", **common), last]
+def _last_checkpoint(folder: Path) -> Path | None:
+    """The checkpoint to go on from; None where the run was stopped before its first one."""
+    last = folder / "last.ckpt"
+    return last if last.is_file() else None
 
 
-def _trainer(job: TrainJob, out: Path, checkpoints: list[ModelCheckpoint]) -> Trainer:
+def _has_stopped(checkpoint: dict[str, Any], job: TrainJob) -> bool:
+    """Whether a run has already stopped early."""
+    if job.patience is None:
+        return False
+    states = checkpoint["callbacks"]
+    waited = [state["wait_count"] for name, state in states.items() if "EarlyStopping" in name]
+    return bool(waited) and waited[0] >= job.patience
+
+
+def _callbacks(folder: Path, data: TrainingData, job: TrainJob) -> list[Callback]:
+    found: list[Callback] = [
+        StepRandomness(job.seed),
+        LastCheckpoint(folder / "last.ckpt", job.checkpoint_steps, job.checkpoint_minutes),
+    ]
+    if job.ema_decay is not None:
+        found.append(EMAWeightAveraging(decay=job.ema_decay))
+    if data.has_validation:
+        found.append(
+            ModelCheckpoint(
+                dirpath=folder,
+                filename="best",
+                monitor=MONITORED,
+                mode="min",
+                save_on_train_epoch_end=False,
+                enable_version_counter=False,
+            )
+        )
+    if job.patience is not None:
+        found.append(
+            EarlyStopping(
+                MONITORED,
+                min_delta=0.0,
+                patience=job.patience,
+                check_on_train_epoch_end=False,
+            )
+        )
+    return found
+
+
+def _trainer(job: TrainJob, out: Path, callbacks: list[Callback]) -> Trainer:
     loggers: list[Logger] = [CSVLogger(out, name="logs")]
     if importlib.util.find_spec("tensorboard") is not None:
         loggers.append(TensorBoardLogger(out, name="tensorboard"))
@@ -149,11 +203,12 @@ def _trainer(job: TrainJob, out: Path, checkpoints: list[ModelCheckpoint]) -> Tr
         strategy=job.strategy,
         precision=job.precision,  # type: ignore[arg-type]
         gradient_clip_val=job.gradient_clip,
-        callbacks=list(checkpoints),
+        callbacks=callbacks,
         logger=loggers,
         enable_progress_bar=job.progress,
         enable_model_summary=job.progress,
         log_every_n_steps=10,
         num_sanity_val_steps=0,
+        use_distributed_sampler=False,  # our own steps know of the processes
         default_root_dir=out,
     )

@@ -72,6 +72,22 @@ def refuse_renamed_hands(
     raise_if_any(mistakes)
 
 
+def refuse_renamed_objects(chosen: Sequence[ShardInfo], excluded: Sequence[ShardInfo]) -> None:
+    """Raises if a chosen object is an excluded one under another name, by its content.
+
+    Raises:
+        GdgError: naming each such object and one of its shards.
+    """
+    contents = {info.object_hash: info.object_name for info in excluded}
+    mistakes = {
+        info.object_name: f"data: {info.path}: '{info.object_name}' is the excluded object "
+        f"'{contents[info.object_hash]}' under another name; exclude '{info.object_name}', too."
+        for info in reversed(chosen)
+        if info.object_hash in contents
+    }
+    raise_if_any([mistakes[name] for name in sorted(mistakes)])
+
+
 def refuse_by_lock(chosen: Sequence[ShardInfo], lock: SplitLock, assets: Assets) -> None:
     """Raises if any shard is not what a lock lets a run learn from.
 

@@ -3,110 +3,229 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from gdg.cache import content_hash
-from gdg.config import ComponentChoice
-from gdg.data.atomic import write_text_atomically
-from gdg.data.dataset import ShardInfo
-from gdg.errors import GdgError
-from gdg.kinds.generator import Generator
-from gdg.training.card import model_card
-from gdg.training.fit import Fitted, fit
-from gdg.training.job import TrainJob
-from gdg.training.maps import MapGroup
-from gdg.training.source import MapSource, Split, choose_shards
+import torch
+from lightning.pytorch import LightningModule
+from lightning.pytorch.utilities import rank_zero_only
 
+from gdg.cache import content_hash
+from gdg.config import ComponentChoice, RunConfig
+from gdg.data.atomic import write_text_atomically
+from gdg.data.shards import ShardInfo
+from gdg.errors import GdgError
+from gdg.hands.hand import find_hand
+from gdg.kinds.fitter import Progress
+from gdg.kinds.hand_model import HandModel
+from gdg.kinds.trainable import Trainable
+from gdg.training.card import model_card
+from gdg.training.data import TrainingData
+from gdg.training.fit import Fitted, fit
+from gdg.training.items import ItemGroup
+from gdg.training.job import TrainJob
+from gdg.training.source import ItemSource
+from gdg.training.split import Split, choose_shards
+from gdg.yaml_files import dump_yaml
+
+#: Kinds of components that can be trained.
+LEARNERS = ("generator", "planner")
 #: What a resumed run must share with the run that it goes on from.
 RUN_FILE = "run.json"
-WEIGHTS_FILE, CARD_FILE = "model.safetensors", "model_card.md"
+WEIGHTS_FILE, CARD_FILE, CONFIG_FILE = "model.safetensors", "model_card.md", "config.yaml"
 
 
-def run_training(job: TrainJob, choices: Mapping[str, ComponentChoice]) -> Path:
-    """Trains the chosen generator and writes its weights and model card.
+def run_training(
+    job: TrainJob,
+    choices: Mapping[str, ComponentChoice],
+    stage: Callable[[str], Progress] | None = None,
+) -> Path:
+    """Trains the chosen generator or planner and writes its weights and model card.
 
-    Writes into ``job.out``: ``model.safetensors``, ``model_card.md``, ``run.json``, checkpoints
-    and logs.
+    Writes into ``job.out``: ``model.safetensors``, ``model_card.md``, ``config.yaml``,
+    ``run.json``, ``curves.csv``, ``curves.png``, checkpoints and logs.
 
     Args:
         job: the run's settings.
-        choices: config key of a kind -> component, for ``generator``, ``distance`` and
-            ``hand_model``.
+        choices: config key of a kind -> component, for ``distance``, ``hand_model`` and what is
+            trained: ``generator`` or ``planner``.
+        stage: begins a stage of that name and gives what its progress is told.
 
     Returns:
         The path of the weights.
 
     Raises:
-        GdgError: unusable or leaking data, a generator that does not learn, or a folder that
-            holds another run.
+        GdgError: unusable or leaking data, a component that does not learn, settings that don't
+            fit it, or a folder that holds another run.
     """
-    choice, out = choices["generator"], Path(job.out).expanduser()
-    if (out / RUN_FILE).is_file() and not job.resume:
+    kind, out = _kind_of(choices), Path(job.out).expanduser()
+    if (out / RUN_FILE).is_file() and not job.resume and is_first_process():
         raise GdgError(f"out: {out} holds a training run; write resume=true, or another out=….")
-    generator: type[Generator] = choice.record.load()
-    module = generator.trainable(choice.options, job.learning_rate, job.seed)
-    split = choose_shards(job)
-    source = MapSource(choices["distance"], choices["hand_model"])
-    train, validation = _groups(source, split.train), _groups(source, split.validation)
-    facts = _facts(job, choices, source, split)
-    _claim(out, facts)
-    fitted = fit(module, train, validation, job, out)
-    known = {**facts, **_outcome(job, fitted, train, validation)}
+    learner = _learner(kind, choices[kind])
+    hand = _hand(kind, learner, job, choices["hand_model"])
+    _refuse_unfit(learner, job)
+    name = hand.hand.name if hand is not None else ""
+    module = learner.trainable(choices[kind].options, job.learning_rate, job.seed, hand)
+    split = choose_shards(job, name)
+    source = ItemSource(
+        choices["distance"], choices["hand_model"], learner.batch_kind, job.maps == "computed"
+    )
+    report = stage("contact maps") if stage else None
+    groups = source.groups((*split.train, *split.validation), report)
+    validating = set(split.objects("validation"))
+    train = [group for group in groups if group.object_name not in validating]
+    validation = [group for group in groups if group.object_name in validating]
+    if not train or (split.validation and not validation):
+        raise GdgError("data: none of its grasps passed the simulation.")
+    facts = {"kind": kind, "hand": name, **_facts(job, choices, source, split)}
+    if is_first_process():
+        _claim(out, facts)
+        config = RunConfig(job=job, components=dict(choices)).as_tree()
+        write_text_atomically(out / CONFIG_FILE, dump_yaml(config))
+    data = TrainingData(train, validation, job, learner.batch_kind, source.maker())
+    fitted = fit(module, data, job, out)
     path = out / WEIGHTS_FILE
-    generator.export(fitted.module, path, known)
-    write_text_atomically(out / CARD_FILE, model_card(out.name, known))
+    if fitted.is_first:
+        known = {**facts, **_counts(train, validation), **_outcome(job, fitted)}
+        learner.export(fitted.module, path, known)
+        write_text_atomically(out / CARD_FILE, model_card(out.name, known))
     return path
 
 
-def _groups(source: MapSource, infos: Iterable[ShardInfo]) -> list[MapGroup]:
-    groups = [group for group in map(source.group, infos) if group is not None]
-    if infos and not groups:
-        raise GdgError("data: none of its grasps passed the simulation.")
-    return groups
+def _kind_of(choices: Mapping[str, ComponentChoice]) -> str:
+    """The kind that is trained.
+
+    Raises:
+        GdgError: none or both are configured.
+    """
+    chosen = [kind for kind in LEARNERS if kind in choices]
+    if len(chosen) != 1:
+        given = "both are given" if chosen else "none is given"
+        raise GdgError(f"one of generator=… and planner=… is trained, but {given}.")
+    return chosen[0]
+
+
+def is_first_process() -> bool:
+    """Whether this process writes; Lightning starts the others by running the command again."""
+    return getattr(rank_zero_only, "rank", None) in (None, 0)
+
+
+def _learner(kind: str, choice: ComponentChoice) -> type[Trainable]:
+    found = choice.record.load()
+    if not issubclass(found, Trainable):
+        raise GdgError(
+            f"{kind} '{choice.record.name}' has nothing to train; choose another {kind}=…."
+        )
+    return found
+
+
+def _hand(
+    kind: str, learner: type[Trainable], job: TrainJob, hand_model: ComponentChoice
+) -> HandModel | None:
+    """The hand that is trained for; None where all hands are learned from."""
+    if learner.batch_kind == "maps":
+        if job.hand:
+            raise GdgError(
+                f"hand: this {kind} learns from the contact maps of all hands; leave hand= out, "
+                f"or hold hands out with exclude_hand=…."
+            )
+        return None
+    if not job.hand:
+        raise GdgError(f"hand: this {kind} is trained for one hand; write hand=…, e.g. allegro.")
+    model = hand_model.record.load()
+    return model(hand_model.options, find_hand(job.hand), torch.device("cpu"))
+
+
+def _refuse_unfit(learner: type[Trainable], job: TrainJob) -> None:
+    if learner.batch_kind == "grasps" and job.augment.scale != (1.0, 1.0):
+        raise GdgError(
+            "augment.scale: grasps can't be scaled with their object, since no joint angles fit "
+            "the new size; leave it out."
+        )
 
 
 def _facts(
-    job: TrainJob, choices: Mapping[str, ComponentChoice], source: MapSource, split: Split
+    job: TrainJob, choices: Mapping[str, ComponentChoice], source: ItemSource, split: Split
 ) -> dict[str, Any]:
     """What decides the outcome, known before training: it goes into the weights' metadata."""
     infos = (*split.train, *split.validation)
-    record = choices["generator"].record
+    choice = choices[_kind_of(choices)]
+    record = choice.record
     return {
-        "generator": record.name,
-        "generator_version": f"{record.distribution} {record.version}".strip(),
+        "component": record.name,
+        "component_version": f"{record.distribution} {record.version}".strip(),
+        "component_options": choice.options.model_dump(mode="json"),
         "gdg_version": metadata.version("gdg"),
         "distance": source.distance.label,
+        "recipe": _recipe(infos),
         "hands": sorted({info.hand for info in infos}),
         "held_out_hands": sorted({*job.exclude_hand, *split.held_out_hands()}),
+        "held_out_objects": sorted(job.exclude_object),
         **split.record(),
         "train_objects": split.objects("train"),
         "validation_objects": split.objects("validation"),
         "hand_hashes": {info.hand: info.hand_hash for info in infos},
         "object_hashes": {info.object_name: info.object_hash for info in infos},
         "data_sha256": content_hash(*sorted(source.shard_hashes.values())),
-        "learning_rate": job.learning_rate,
-        "points": job.points,
-        "seed": job.seed,
+        **job.model_dump(
+            mode="json",
+            include={
+                "learning_rate", "points", "seed", "augment", "balance", "ema_decay",
+                "gradient_clip", "precision", "maps",
+            },
+        ),
+    }  # fmt: skip
+
+
+def _recipe(infos: Sequence[ShardInfo]) -> str:
+    """Which programs made the grasps, as far as the shards say so."""
+    made = set()
+    for info in infos:
+        used, version = info.provenance.get("components"), info.provenance.get("gdg")
+        parts = [f"gdg {version}"] if isinstance(version, str) else []
+        for kind in ("planner", "simulator"):
+            entry = used.get(kind) if isinstance(used, Mapping) else None
+            parts += [f"{kind} {entry.get('name')}"] if isinstance(entry, Mapping) else []
+        source = info.provenance.get("source")
+        parts += [source] if isinstance(source, str) else []
+        made.add(", ".join(parts) or "unknown")
+    return "; ".join(sorted(made))
+
+
+def _counts(train: Sequence[ItemGroup], validation: Sequence[ItemGroup]) -> dict[str, Any]:
+    hands: dict[str, list[int]] = {}
+    objects: dict[str, list[int]] = {}
+    for column, groups in enumerate((train, validation)):
+        for group in groups:
+            hands.setdefault(group.hand, [0, 0])[column] += group.count
+            objects.setdefault(group.object_name, [0, 0])[column] += group.count
+    return {
+        "train_items": sum(group.count for group in train),
+        "validation_items": sum(group.count for group in validation),
+        "hand_items": hands,
+        "object_items": objects,
     }
 
 
-def _outcome(
-    job: TrainJob, fitted: Fitted, train: list[MapGroup], validation: list[MapGroup]
-) -> dict[str, Any]:
+def _outcome(job: TrainJob, fitted: Fitted) -> dict[str, Any]:
     return {
-        "train_maps": sum(group.count for group in train),
-        "validation_maps": sum(group.count for group in validation),
-        "epochs": job.epochs,
+        "parameters": _parameters(fitted.module),
+        "epochs": fitted.epochs,
         "exported_epoch": fitted.epoch,
         "keep": job.keep,
+        "patience": job.patience,
         "batch": fitted.batch,
+        "figures": fitted.figures,
         "val_recon": fitted.val_recon,
         "seconds": round(fitted.seconds, 1),
         "device": fitted.device,
     }
+
+
+def _parameters(module: LightningModule) -> int:
+    return sum(parameter.numel() for parameter in module.parameters())
 
 
 def _claim(out: Path, facts: dict[str, Any]) -> None:

@@ -17,8 +17,15 @@ from gdg.kinds.distance import Distance
 from gdg.kinds.fitter import Fitter, Progress
 from gdg.kinds.hand_model import HandModel
 from gdg.objects.model import ObjectModel
-from gdg.penetration import nearest_point_penetration, penetration, self_penetration
+from gdg.penetration import (
+    nearest_point_penetration,
+    penetration,
+    self_penetration,
+    table_penetration,
+)
+from gdg.penetration.table import raised
 from gdg.rotations import ROOT_DIM, root_pose
+from gdg.scenes.reach import reachable
 
 from .options import AdamOptions
 
@@ -26,6 +33,8 @@ from .options import AdamOptions
 NEAREST_WEIGHT = 100.0
 #: Particles optimised at once; bounds the memory at about 0.6 GB for 2048 × 1600 points.
 MAX_BATCH = 256
+#: Fitted hands end at least so high above a table, metres.
+TABLE_CLEARANCE_M = 0.001
 
 
 @dataclass(frozen=True)
@@ -72,6 +81,8 @@ class AdamFitter(Fitter):
 
     Differences from the release: joint limits are in the gradient (as the paper writes), and the
     penetration weight grows, since maps fitted with a constant one leave fingers 10 mm inside.
+    On a table, E_p counts what is below it too; contact is sought only where fingers get, and the
+    hand is raised by what is left below.
     """
 
     options: AdamOptions
@@ -91,6 +102,8 @@ class AdamFitter(Fitter):
         targets = values_on(obj, maps, self.distance).to(hand.device)
         if self.options.sharpen:
             targets = self.distance.sharpen(targets)
+        if obj.table is not None:
+            targets = torch.where(reachable(obj), targets, 0.0)
         rows = targets.repeat_interleave(self.options.particles, dim=0)
         starts = self._start(hand, obj, len(rows), generator)
         batches = list(zip(starts.split(MAX_BATCH), rows.split(MAX_BATCH), strict=True))
@@ -135,7 +148,8 @@ class AdamFitter(Fitter):
                 q.grad.nan_to_num_(nan=0.0, posinf=0.0, neginf=0.0)
             optimiser.step()
             report(step + 1)
-        return hand.clamp(q.detach())
+        q = hand.clamp(q.detach())
+        return q if obj.table is None else raised(hand, obj.table, q, TABLE_CLEARANCE_M)
 
     def terms(
         self,
@@ -154,6 +168,8 @@ class AdamFitter(Fitter):
         summed = inside.summed
         if self.options.penetration == "nearest":
             summed = NEAREST_WEIGHT * nearest_point_penetration(obj, points)
+            if obj.table is not None:
+                summed = summed + table_penetration(hand, [obj.table], poses)[0]
         overlap = torch.zeros(len(q), device=q.device)
         if self.options.self_weight > 0:
             overlap = self_penetration(hand, poses)

@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import torch
 
 from gdg.components import Options
 from gdg.data.contact_map import ContactMap
 from gdg.kinds.generator import Generator
+from gdg.kinds.hand_model import HandModel
+from gdg.kinds.trainable import BatchKind, Trainable
 from gdg.objects.model import ObjectModel
 
 from .network import LATENT, PointNetCvae
@@ -22,7 +24,7 @@ if TYPE_CHECKING:
     from lightning.pytorch import LightningModule
 
 
-class CvaeGenerator(Generator):
+class CvaeGenerator(Generator, Trainable):
     """Decodes latents z ~ N(0, temperature²) on an object's points.
 
     Args:
@@ -30,6 +32,7 @@ class CvaeGenerator(Generator):
     """
 
     options: CvaeOptions
+    batch_kind: ClassVar[BatchKind] = "maps"
 
     @cached_property
     def weights(self) -> Weights:
@@ -69,7 +72,9 @@ class CvaeGenerator(Generator):
         )
 
     @classmethod
-    def trainable(cls, options: Options, learning_rate: float, seed: int) -> LightningModule:
+    def trainable(
+        cls, options: Options, learning_rate: float, seed: int, hand: HandModel | None = None
+    ) -> LightningModule:
         """A fresh network with the release's loss; ``options`` matter to inference only."""
         from .module import CvaeModule  # Lightning takes seconds to import
 

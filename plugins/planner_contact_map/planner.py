@@ -15,7 +15,7 @@ from gdg.kinds.generator import Generator
 from gdg.kinds.hand_model import HandModel
 from gdg.kinds.planner import Planner
 from gdg.objects.model import ObjectModel
-from gdg.rotations import ROOT_DIM
+from gdg.rotations import ROOT_DIM, root_pose
 
 from .options import ContactMapOptions
 
@@ -42,8 +42,10 @@ class ContactMapPlanner(Planner):
         generated = time.perf_counter()
         grasps = self._fitter.fit(hand, obj, maps, generator, progress)
         if self.options.close and len(grasps):
-            closed = close_until_touch(hand, obj, hand.q_of(grasps))
+            closed = close_until_touch(hand, obj, hand.q_of(grasps), rise=True)
             grasps = replace(grasps, joints=closed[:, ROOT_DIM:].cpu())
+            if obj.table is not None:
+                grasps = replace(grasps, poses=root_pose(closed).cpu())
         fitted = time.perf_counter()
         order = grasps.energies["total"].argsort().tolist()
         kept = [i for i in order if grasps.status[i] != "diverged"][:count]

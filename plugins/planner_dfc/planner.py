@@ -19,6 +19,7 @@ from gdg.kinds.hand_model import HandModel
 from gdg.kinds.planner import Planner
 from gdg.objects.batch import ObjectBatch
 from gdg.objects.model import ObjectModel
+from gdg.penetration.table import raised
 from gdg.rotations import ROOT_DIM, root_pose
 
 from .annealed import AnnealedMala
@@ -114,17 +115,20 @@ class DfcPlanner(Planner):
 
         starts = [above_surface(hand, s.obj, sampler.starts, s.generator) for s in searches]
         chains = sampler.run(torch.cat(starts), report)
-        q = hand.clamp(chains.q)
-        if o.close:
-            parts = zip(searches, energy.objects.per_object(q))
-            q = torch.cat(
-                [close_until_touch(hand, s.obj, part, o.close_margin_m) for s, part in parts]
-            )
+        parts = zip(searches, energy.objects.per_object(hand.clamp(chains.q)))
+        q = torch.cat([self._finished(hand, search.obj, part) for search, part in parts])
         self._keep_accepted(energy, q, chains.contacts, searches)
         for search, accepted in zip(searches, sampler.accepted.tolist()):
             search.candidates += o.batch
             search.accepted_steps += accepted
             search.proposed_steps += sampler.proposed
+
+    def _finished(self, hand: HandModel, obj: ObjectModel, q: Tensor) -> Tensor:
+        """Hands of one object, raised out of the table, with closed fingers."""
+        o = self.options
+        if obj.table is not None:
+            q = raised(hand, obj.table, q, o.close_margin_m)
+        return close_until_touch(hand, obj, q, o.close_margin_m) if o.close else q
 
     @torch.no_grad()
     def _keep_accepted(

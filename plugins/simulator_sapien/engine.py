@@ -19,9 +19,13 @@ with warnings.catch_warnings():
     import sapien.physx as physx
 
 #: Collision groups (two words of ``PhysxCollisionShape.collision_groups``): shapes collide where
-#: the first word of one meets the second of the other, so hand meets object and never itself.
+#: the first word of one meets the second of the other, so hand meets object and never itself, and
+#: a table meets both.
 HAND_GROUPS = [1, 2, 0, 0]
 OBJECT_GROUPS = [2, 1, 0, 0]
+TABLE_GROUPS = [4, 3, 0, 0]
+#: Half the sides of a table's box, metres; wide and thick enough to be a half-space to a hand.
+TABLE_HALF = (1.0, 1.0, 0.25)
 #: Below this relative speed in m/s PhysX doesn't bounce; restitution is zero in any case.
 BOUNCE_THRESHOLD = 0.2
 
@@ -118,6 +122,13 @@ def part_shape(
 def object_shape(mesh: trimesh.Trimesh, surface: Surface) -> physx.PhysxCollisionShape:
     """The collision shape of one convex part of the object, in the object's frame."""
     return surface.finish(_convex_mesh(mesh, surface), OBJECT_GROUPS)
+
+
+def table_shape(surface: Surface) -> physx.PhysxCollisionShape:
+    """A box whose top is the plane z = 0 of its body."""
+    shape = physx.PhysxCollisionShapeBox(TABLE_HALF, surface.material)
+    shape.local_pose = sapien.Pose((0.0, 0.0, -TABLE_HALF[2]))
+    return surface.finish(shape, TABLE_GROUPS)
 
 
 def _convex_mesh(mesh: trimesh.Trimesh, surface: Surface) -> physx.PhysxCollisionShape:

@@ -10,10 +10,21 @@ from gdg.hands.hand import Hand
 from gdg.objects.model import ObjectModel
 from gdg.protocols import Protocol
 from gdg.simulation.mass import object_mass
+from gdg.simulation.table import Table
 from gdg.simulation.world import GraspWorld, ObjectState, Touch
 
 from .articulation import HandArticulation
-from .engine import Surface, new_scene, object_shape, physx, sapien, set_mass, vector
+from .engine import (
+    Surface,
+    new_scene,
+    object_shape,
+    physx,
+    pose_from_matrix,
+    sapien,
+    set_mass,
+    table_shape,
+    vector,
+)
 from .options import SapienOptions
 
 #: Where things are put that must not touch anything, metres along x.
@@ -30,14 +41,25 @@ class GraspScene(GraspWorld):
         obj: the object; its frame is the world frame at the start of a trial.
         protocol: timestep, friction, density, damping and drives.
         options: the simulator's options.
+        table: what the object rests on; None: nothing.
     """
 
-    def __init__(self, hand: Hand, obj: ObjectModel, protocol: Protocol, options: SapienOptions):
+    def __init__(
+        self,
+        hand: Hand,
+        obj: ObjectModel,
+        protocol: Protocol,
+        options: SapienOptions,
+        table: Table | None = None,
+    ):
         self._timestep = protocol.timestep_ms / 1000.0
         surface = Surface.of_friction(protocol.friction, options.contact_offset_m)
         self.hand = HandArticulation(hand, surface, protocol, options)
         self.body = self._make_object(obj, surface, protocol, options)
         self._entities = [*self.hand.entities, self._object_entity]
+        self._table = None if table is None else KinematicTable(table, surface)
+        if self._table is not None:
+            self._entities.append(self._table.entity)
         self._coupling = hand.coupling
         self._scene, self._system = self._enter_new_scene()
 
@@ -55,13 +77,19 @@ class GraspScene(GraspWorld):
             scene.add_entity(entity)
         return scene, system
 
+    def _renew(self) -> None:
+        """An empty scene for hand and object, with the table where it stood."""
+        if self._table is not None:
+            self._table.put_back()
+        self._scene, self._system = self._enter_new_scene()
+
     def _make_object(
         self, obj: ObjectModel, surface: Surface, protocol: Protocol, options: SapienOptions
     ) -> physx.PhysxRigidDynamicComponent:
         body = physx.PhysxRigidDynamicComponent()
         for mesh in obj.convex_parts:
             body.attach(object_shape(mesh, surface))
-        set_mass(body, object_mass(obj, protocol.body.density))
+        set_mass(body, object_mass(obj, protocol.body))
         body.linear_damping = protocol.body.linear_damping
         body.angular_damping = protocol.body.angular_damping
         body.max_depenetration_velocity = protocol.start.max_depenetration_velocity
@@ -81,7 +109,7 @@ class GraspScene(GraspWorld):
             joints: actuated joints, rad or m.
             targets: what the drives aim at, same order and units.
         """
-        self._scene, self._system = self._enter_new_scene()
+        self._renew()
         zero = np.zeros(3, np.float32)
         self._place_object(sapien.Pose(), zero, zero)
         self.hand.place(T_object_root, self._all_joints(joints), self._all_joints(targets))
@@ -127,17 +155,38 @@ class GraspScene(GraspWorld):
     def touch(self) -> Touch:
         """Contact of hand and object in the last step."""
         overlap, touching = 0.0, False
-        for contact in self._system.get_contacts():
+        for contact in self._contacts_of_object():
             for point in contact.points:
                 overlap = max(overlap, -point.separation)
-                loaded = bool(np.any(point.impulse))
-                touching |= loaded or point.separation <= TOUCHING_GAP
+                touching |= _touches(point)
         return Touch(touching, overlap)
+
+    def _contacts_of_object(self, with_table: bool = False) -> list[physx.PhysxContact]:
+        """Contacts of the object with the hand, or with the table instead."""
+        contacts = self._system.get_contacts()
+        if self._table is None:
+            return [] if with_table else contacts
+        table, body = self._table.body, self.body
+        return [
+            contact
+            for contact in contacts
+            if body in contact.bodies and (table in contact.bodies) == with_table
+        ]
+
+    def lower_table(self, distance: float) -> None:
+        """Moves the table to ``distance`` below where it stood, metres, within the next step."""
+        assert self._table is not None
+        self._table.lower(distance)
+
+    def on_table(self) -> bool:
+        """Whether object and table touched in the last step."""
+        contacts = self._contacts_of_object(with_table=True)
+        return any(_touches(point) for contact in contacts for point in contact.points)
 
     def forces(self) -> dict[str, float]:
         """Force of each body of the hand that touches the object in the last step, newton."""
         impulses: dict[str, np.ndarray] = {}
-        for contact in self._system.get_contacts():
+        for contact in self._contacts_of_object():
             name = next(body.name for body in contact.bodies if body is not self.body and body.name)
             total = np.sum([point.impulse for point in contact.points], axis=0)
             impulses[name] = impulses.get(name, np.zeros(3)) + total
@@ -150,9 +199,38 @@ class GraspScene(GraspWorld):
 
     def restore(self, snapshot: Snapshot) -> None:
         """Returns to a saved state; drive targets are those of the last ``reset``."""
-        self._scene, self._system = self._enter_new_scene()
+        self._renew()
         self._place_object(snapshot.object_pose, *snapshot.object_velocities)
         self.hand.set_state(*snapshot.joints)
+
+
+def _touches(point: physx.PhysxContactPoint) -> bool:
+    return bool(np.any(point.impulse)) or point.separation <= TOUCHING_GAP
+
+
+class KinematicTable:
+    """A table that goes where it is told and pushes what it meets.
+
+    Attributes:
+        entity: to be added to a scene.
+        body: its only component.
+    """
+
+    def __init__(self, table: Table, surface: Surface):
+        self._table = table
+        self.body = physx.PhysxRigidDynamicComponent()
+        self.body.attach(table_shape(surface))
+        self.body.kinematic = True
+        self.entity = sapien.Entity()
+        self.entity.add_component(self.body)
+
+    def put_back(self) -> None:
+        """Stands where the object rests on it; to be called outside a scene or between steps."""
+        self.entity.pose = pose_from_matrix(self._table.pose())
+
+    def lower(self, distance: float) -> None:
+        """Reaches ``distance`` below that place at the end of the next step."""
+        self.body.set_kinematic_target(pose_from_matrix(self._table.pose(distance)))
 
 
 @dataclass(frozen=True)

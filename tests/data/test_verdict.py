@@ -69,3 +69,14 @@ def test_verdicts_written_without_trials_count_as_complete():
     old = Verdict.from_dict(tree)
     assert not old.decided_early
     assert old.stable is True
+
+
+def test_verdicts_written_before_lifts_were_read_as_ones_without():
+    tree = verdict((True,), 1).as_dict()
+    for name in ("lift_displacement_m", "lift_rotation_rad", "lift_contact", "left_out"):
+        del tree[name]
+    old = Verdict.from_dict(tree)
+    assert math.isnan(old.lift_displacement_m)
+    assert math.isnan(old.lift_rotation_rad)
+    assert (old.lift_contact, old.left_out) == (False, ())
+    assert repr(old) == repr(verdict((True,), 1))

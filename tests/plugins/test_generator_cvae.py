@@ -21,7 +21,7 @@ from safetensors.torch import save_file
 
 from gdg.errors import GdgError
 from gdg.objects.model import ObjectModel, find_object, load_object
-from gdg.training.maps import MapBatch
+from gdg.training.batches import MapBatch
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 ASSETS = Path(os.environ.get("GDG_TEST_ASSETS", REPOSITORY.parent / "shared" / "assets"))
@@ -331,7 +331,7 @@ def test_training_steps_lower_the_loss() -> None:
     module.log_dict = lambda *args, **kwargs: None  # type: ignore[method-assign]
     optimiser = module.configure_optimizers()
     points = 0.05 * torch.randn(4, 64, 3, generator=seeded())
-    batch = MapBatch(points, torch.sigmoid(40 * points[..., 0]))
+    batch = MapBatch(points, torch.sigmoid(40 * points[..., 0]), torch.zeros_like(points))
     module.train()
     losses = []
     for _ in range(15):

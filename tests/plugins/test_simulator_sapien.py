@@ -13,7 +13,7 @@ import torch
 from gdg_plugins.simulator_sapien.options import SapienOptions
 from gdg_plugins.simulator_sapien.scene import GraspScene
 from gdg_plugins.simulator_sapien.simulator import SapienSimulator
-from gripper import OPEN_M
+from jaws import Welded, grasp_of, protocol_of, verdict_of
 from real_hands import HANDS as REAL_HANDS
 
 from gdg.data.grasps import GraspSet
@@ -22,58 +22,21 @@ from gdg.errors import GdgError
 from gdg.hands.hand import Hand, load_hand
 from gdg.kinds.hand_model import HandModel
 from gdg.objects.model import ObjectModel, find_object, load_object
-from gdg.protocols import Protocol, Shifts, load_protocol
+from gdg.protocols import Protocol, Shifts
 from gdg.registry import get_registry
 from gdg.rotations import random_rotations
-from gdg.simulation.simulator import _decided, _verdict
-from gdg.simulation.trial import Push, Start, Trial, _is_over, run_trial
+from gdg.simulation.judgement import Push
+from gdg.simulation.simulator import _decided, _Facts, _verdict
+from gdg.simulation.trial import Start, Trial, _is_over, run_trial
 from gdg.testing import check_component
 
 BUNDLED = Path(__file__).resolve().parents[2] / "hands"
 PRESETS = ("dro-2024", "gendexgrasp-2022")
-#: Height of the base under the middle of the object, so that the jaws close on its middle.
-BASE_BELOW_M = 0.035
 
 
 def model_of(hand: Hand) -> HandModel:
     record = get_registry().find("hand-model", "pytorch-kinematics")
     return record.load()(record.options(surface_points=200), hand, torch.device("cpu"))
-
-
-def protocol_of(name: str, shifts: int = 0, **changes: object) -> Protocol:
-    """A preset with other values; ``pushes={"order": "reset"}`` changes one of a section."""
-    preset = load_protocol(name)
-    tree = preset.model_dump()
-    tree["shifts"]["count"] = shifts
-    for section, values in changes.items():
-        tree[section] = {**tree[section], **values} if isinstance(values, dict) else values
-    return Protocol(**tree)
-
-
-def grasp_of(
-    obj: ObjectModel, gap: float = 0.0, squeeze: float | None = 0.002, shift: float = 0.0
-) -> GraspSet:
-    """The two jaws around the object, each inner face ``gap`` metres from it.
-
-    Args:
-        obj: what is grasped, along y.
-        gap: distance of both faces from the object, metres.
-        squeeze: how far the drives' targets lie beyond the joints, metres.
-        shift: the hand's motion along x, metres.
-    """
-    pose = torch.eye(4)[None].clone()
-    pose[0, 2, 3], pose[0, 0, 3] = -BASE_BELOW_M, shift
-    half = float(np.abs(obj.mesh.bounds[:, 1]).max())
-    joints = torch.tensor([[OPEN_M - half - gap]], dtype=torch.float32)
-    targets = None if squeeze is None else joints + squeeze
-    return GraspSet("two_jaws", obj.name, ("close",), "base", pose, joints, targets)
-
-
-def verdict_of(
-    hand: HandModel, obj: ObjectModel, grasps: GraspSet, protocol: Protocol, **options: object
-) -> Verdict:
-    (verdict,) = SapienSimulator(SapienOptions(**options)).simulate(hand, obj, grasps, protocol)
-    return verdict
 
 
 # -- controls ----------------------------------------------------------------------------------
@@ -108,15 +71,6 @@ def test_jaws_one_centimetre_away_fail(preset: str, gripper_model: HandModel, cu
     verdict = verdict_of(gripper_model, cube, grasp_of(cube, gap=0.01), protocol_of(preset))
     assert not verdict.success
     assert verdict.failure == "lost-contact"
-
-
-class Welded(SapienSimulator):
-    """Nails the object to the world."""
-
-    def build_world(self, hand: Hand, obj: ObjectModel, protocol: Protocol) -> GraspScene:
-        scene = super().build_world(hand, obj, protocol)
-        scene.body.set_locked_motion_axes([True] * 6)
-        return scene
 
 
 @pytest.mark.parametrize("preset", PRESETS)
@@ -380,6 +334,37 @@ def test_decisive_trials_judge_as_all_trials_do(
     assert all(verdict.stable is not None for verdict in full)
 
 
+#: What of a protocol is made harder, so that trials of one grasp differ.
+HARDER = {
+    "gdg-realistic-1": {"friction": 0.15, "pushes": {"steps": 60}, "lift": {"steps": 80}},
+    "graspqp-2025": {"friction": 0.1, "start": {"settle_steps": 40}, "body": {"mass_kg": 0.1}},
+    "multigrippergrasp-2024": {"friction": 0.1, "pushes": {"steps": 100, "directions": ["+x"]}},
+}
+
+
+@pytest.mark.parametrize("preset", HARDER)
+def test_decisive_trials_judge_lifts_shares_and_directions_as_all_trials_do(
+    preset: str, gripper_model: HandModel, cube: ObjectModel
+):
+    protocol = protocol_of(preset, **HARDER[preset])
+    protocol = protocol.model_copy(update={"shifts": Shifts(count=4, distance_m=0.004)})
+    grasps = mixed_grasps(cube)
+    full, decisive = (
+        SapienSimulator(SapienOptions(trials=trials)).simulate(
+            gripper_model, cube, grasps, protocol
+        )
+        for trials in ("all", "decisive")
+    )
+    for early, late in zip(decisive, full, strict=True):
+        assert (early.success, early.failure) == (late.success, late.failure)
+        ran = len(early.shift_successes)
+        assert early.shift_successes == late.shift_successes[:ran]
+        assert early.trials == late.trials == len(late.shift_successes) == 5
+    assert {verdict.success for verdict in full} == {True, False}
+    if preset == "gdg-realistic-1":
+        assert "penetrating" in {verdict.failure for verdict in full}
+
+
 def test_decisive_stops_at_three_of_five_and_leaves_stability_open(
     gripper_model: HandModel, cube: ObjectModel
 ):
@@ -399,10 +384,8 @@ def test_a_majority_is_more_than_half_of_the_trials_asked_for(count: int):
         trials = [trial_that(passed) for passed in outcomes]
         ran = next(n for n in range(1, total + 1) if _decided(trials[:n], total))
         protocol = protocol_of("dro-2024", shifts=count)
-        early, late = (
-            _verdict(some, protocol, 0.0, 0.1, True, "an engine", 0.0)
-            for some in (trials[:ran], trials)
-        )
+        facts = _Facts(protocol, 0.1, True, "an engine", ())
+        early, late = (_verdict(some, facts, 0.0, 0.0) for some in (trials[:ran], trials))
         assert early.success == late.success == (2 * sum(outcomes) > total)
         assert early.failure == late.failure
 

@@ -56,8 +56,11 @@ def test_the_two_jaw_gripper_conforms(tmp_path: Path):
 @pytest.mark.parametrize(("kind", "name"), BUILT_IN)
 def test_built_in_components_conform(kind: str, name: str, tmp_path: Path):
     options = QUICK_OPTIONS.get((kind, name), {})
-    if name == "cvae" and not (WEIGHTS / "default.safetensors").is_file():
+    weights = WEIGHTS.parents[1] / f"generator_{name}" / "weights" / "default.safetensors"
+    if name in ("cvae", "flow") and not weights.is_file():
         pytest.skip("no weights 'default' are bundled")
+    if name in ("graspcvae", "unigrasp"):
+        pytest.skip("weights are for one hand: tests/plugins trains the gripper's and checks")
     if name == "oracle":
         hand, grasps = write_gripper(tmp_path), tmp_path / "grasps.json"
         jaw_grasps((0.0, 0.005)).save(grasps)

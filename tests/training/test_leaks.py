@@ -26,10 +26,9 @@ from gdg.splits import (
     load_split,
     save_split,
 )
-from gdg.training import source
-from gdg.training.card import model_card
 from gdg.training.job import TrainJob
-from gdg.training.source import MapSource, choose_shards
+from gdg.training.source import ItemSource
+from gdg.training.split import choose_shards
 
 HASHES = {name: f"{index:x}" * 64 for index, name in enumerate(("lemon", "orange", "vase", "cube"))}
 
@@ -201,16 +200,20 @@ def test_without_a_lock_the_meshes_of_one_object_stay_together(tmp_path: Path):
         assert len({name.rpartition("+")[2] for name in split.objects("train")}) == 1
 
 
-def test_the_model_card_names_the_lock():
-    known = dict.fromkeys(
-        ("generator", "gdg_version", "distance", "train_maps", "validation_maps", "epochs", "keep",
-         "batch", "seed", "points", "device", "data_sha256"), "x",
-    )  # fmt: skip
-    known |= {"hands": [], "held_out_hands": [], "train_objects": [], "validation_objects": []}
-    known |= {"val_recon": None, "exported_epoch": 0, "learning_rate": 0.1, "seconds": 1.0}
-    card = model_card("run", {**known, "split": "paper-v1", "split_sha256": "abc"})
-    assert "| split | paper-v1 (`abc`) |" in card
-    assert "| split | none |" in model_card("run", {**known, "split": "none", "split_sha256": ""})
+def test_an_excluded_object_is_not_learned_from_under_any_name(tmp_path: Path):
+    for name, content in (("lemon", "a"), ("orange", "b"), ("dgn+orange@0.9", "c"), ("round", "d")):
+        write(tmp_path, "jaws", name, object_hash=content * 64)
+    job = TrainJob(data=str(tmp_path), exclude_object="orange", val_fraction=0, keep="last")
+    assert choose_shards(job).objects("train") == ["lemon", "round"]
+    write(tmp_path, "claw", "round", object_hash="b" * 64)
+    with pytest.raises(GdgErrors, match="'round' is the excluded object 'orange' under another"):
+        choose_shards(job)
+    both = job.model_copy(update={"exclude_object": ("orange", "round")})
+    assert choose_shards(both).objects("train") == ["lemon"]
+    with pytest.raises(GdgError, match=r"no object 'ornge'.*Did you mean 'orange'"):
+        choose_shards(job.model_copy(update={"exclude_object": ("ornge",)}))
+    with pytest.raises(GdgError, match="without lemon, orange, round holds no grasps"):
+        choose_shards(job.model_copy(update={"exclude_object": ("lemon", "orange", "round")}))
 
 
 def test_copies_and_scales_of_test_objects_are_refused_without_a_lock(tmp_path: Path):
@@ -231,10 +234,8 @@ def test_copies_and_scales_of_test_objects_are_refused_without_a_lock(tmp_path: 
     assert "'innocent' is a test object" in texts[1]
 
 
-def test_an_object_is_known_at_each_of_its_scales(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(source, "MAX_OBJECTS", 2)
-    scales = (1.0, 0.9, 0.8)
-    for scale in scales:
+def test_an_object_is_known_at_each_of_its_scales(tmp_path: Path):
+    for scale in (1.0, 0.9, 0.8):
         facts = {"object_hash": object_hash("cube_small", scale), "object_path": "cube_small"}
         write(tmp_path, "jaws", f"cube_small@{scale}", object_scale=scale, **facts)
     registry = get_registry()
@@ -242,7 +243,6 @@ def test_an_object_is_known_at_each_of_its_scales(tmp_path: Path, monkeypatch: p
     for kind, name in (("distance", "aligned"), ("hand-model", "pytorch-kinematics")):
         record = registry.find(kind, name)
         choices.append(ComponentChoice(record=record, options=record.options()))
-    maps = MapSource(*choices)
+    items = ItemSource(*choices)
     for info in [*shards(tmp_path), *shards(tmp_path)]:
-        assert maps._object(info).content_hash == info.object_hash
-        assert len(maps._objects) <= 2
+        assert items._object_of(info).content_hash == info.object_hash

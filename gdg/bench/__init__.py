@@ -1,0 +1,6 @@
+"""``gdg bench``: the paper's tables, with our numbers beside the published ones.
+
+``tables`` says what they consist of (light), ``run`` evaluates their rows as ``gdg eval`` does,
+``claims`` judges what the paper says by intervals, ``output`` writes text, Markdown, CSV and a
+figure.
+"""

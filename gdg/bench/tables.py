@@ -1,0 +1,247 @@
+"""The tables: their rows, the published numbers, and what the paper claims of them. Light.
+
+Figures are those of GenDexGrasp (Li et al., ICRA 2023), tables I to III.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from gdg.errors import GdgError, did_you_mean
+
+SOURCE = "Li et al., GenDexGrasp, ICRA 2023"
+
+
+@dataclass(frozen=True)
+class Published:
+    """What the paper reports of one row.
+
+    Attributes:
+        success: per cent.
+        n: grasps that this is a share of: not stated, but of all numbers up to 1000 that are
+            multiples of the ten test objects, the one that gives the paper's digits in its table
+            (64 grasps per object; for UniGrasp 1, 8 and 32).
+        diversity_rad: standard deviation of the joint values of passing grasps.
+        seconds: per grasp.
+        at_least: whether the seconds are a lower bound.
+    """
+
+    success: float
+    n: int = 640
+    diversity_rad: float | None = None
+    seconds: float | None = None
+    at_least: bool = False
+
+
+@dataclass(frozen=True)
+class Method:
+    """One row of a table.
+
+    Attributes:
+        label: unique in its table.
+        hand: name of the hand.
+        words: settings that make the row.
+        published: the paper's numbers.
+        weights: name of the generator's weights, or "" where the row needs none.
+        distance: of the maps that these are trained on.
+        planner_weights: whether the planner has weights of its own, one set per hand.
+        most: grasps that the method finds per object at most, or 0 where there is no such limit.
+        quick: settings of ``--quick`` for this row alone.
+    """
+
+    label: str
+    hand: str
+    words: tuple[str, ...]
+    published: Published
+    weights: str = ""
+    distance: str = "aligned"
+    planner_weights: bool = False
+    most: int = 0
+    quick: tuple[str, ...] = ()
+
+    @property
+    def planner(self) -> str:
+        """Name of the row's planner."""
+        names = [word.partition("=")[2] for word in self.words if word.startswith("planner=")]
+        return names[0]
+
+
+@dataclass(frozen=True)
+class Claim:
+    """Something that the paper says of two rows, in a form that numbers can contradict.
+
+    Attributes:
+        text: the sentence.
+        measure: ``success`` (difference of shares), ``diversity`` (difference in rad) or ``speed``
+            (log of how many times less the first row takes).
+        first: label of a row.
+        second: label of the row that it is compared with.
+        margin: the claim holds if the first exceeds the second by more than this, in the
+            measure's unit; below 0 for *not much worse*.
+    """
+
+    text: str
+    measure: Literal["success", "diversity", "speed"]
+    first: str
+    second: str
+    margin: float = 0.0
+
+
+@dataclass(frozen=True)
+class BenchTable:
+    """A table of the paper.
+
+    Attributes:
+        name: what users type.
+        title: above it.
+        methods: its rows, in the paper's order.
+        claims: what the paper says of them.
+    """
+
+    name: str
+    title: str
+    methods: tuple[Method, ...]
+    claims: tuple[Claim, ...]
+
+
+#: Hands of tables II and III, with the paper's success of: aligned distance and hand not seen in
+#: training; Euclidean distance, likewise; aligned distance and hand seen.
+HANDS = {
+    "ezgripper": (38.59, 29.53, 43.44),
+    "barrett": (70.31, 52.19, 71.72),
+    "shadowhand": (77.19, 58.91, 77.03),
+}
+#: An unseen hand that costs no more than this costs little.
+LITTLE = 0.05
+#: ln of how many times faster than force-closure search the paper's method is, at least.
+MUCH_FASTER = 4.605
+_DFC_QUICK = ("planner.batch=16", "planner.steps=60", "planner.max_batches=1")
+_ADAPT_QUICK = ("planner.adapt_steps=20",)
+_UNIGRASP_QUICK = ("planner.width=16", "planner.branch=4", "planner.starts=4", "planner.steps=20")
+
+
+def _unigrasp(top: int, success: float, diversity_rad: float, seconds: float | None) -> Method:
+    return Method(
+        f"UniGrasp top-{top}",
+        "shadowhand",
+        ("planner=unigrasp", f"planner.top={top}"),
+        Published(success, 10 * top, diversity_rad, seconds),
+        planner_weights=True,
+        most=top,
+        quick=_UNIGRASP_QUICK,
+    )
+
+
+def _ours(label: str, hand: str, success: float, weights: str, distance: str = "aligned") -> Method:
+    measured = {"aligned shadowhand": (0.207, 16.4)}.get(f"{distance} {hand}", (None, None))
+    if weights == "full":
+        measured = (None, None)
+    return Method(
+        label,
+        hand,
+        ("planner=contact-map", f"distance={distance}"),
+        Published(success, 640, *measured),
+        weights=weights,
+        distance=distance,
+    )
+
+
+TABLE_1 = BenchTable(
+    "table1",
+    "Methods on ShadowHand, which GenDexGrasp has not seen in training",
+    (
+        Method(
+            "DFC",
+            "shadowhand",
+            ("planner=dfc",),
+            Published(79.53, 640, 0.344, 1800.0, at_least=True),
+            quick=_DFC_QUICK,
+        ),
+        Method(
+            "GraspCVAE",
+            "shadowhand",
+            ("planner=graspcvae", "planner.adapt=false"),
+            Published(19.38, 640, 0.340, 0.012),
+            planner_weights=True,
+        ),
+        Method(
+            "GraspCVAE, adapted",
+            "shadowhand",
+            ("planner=graspcvae", "planner.adapt=true"),
+            Published(22.03, 640, 0.355, 43.2),
+            planner_weights=True,
+            quick=_ADAPT_QUICK,
+        ),
+        _unigrasp(1, 80.0, 0.000, 9.33),
+        _unigrasp(8, 50.0, 0.167, None),
+        _unigrasp(32, 48.4, 0.202, None),
+        _ours("GenDexGrasp", "shadowhand", 77.19, "without-shadowhand"),
+    ),
+    (
+        Claim("GenDexGrasp comes within 5 points of DFC's success", "success",
+              "GenDexGrasp", "DFC", -LITTLE),
+        Claim("GenDexGrasp succeeds more often than GraspCVAE", "success",
+              "GenDexGrasp", "GraspCVAE"),
+        Claim("GenDexGrasp succeeds more often than GraspCVAE with adaptation", "success",
+              "GenDexGrasp", "GraspCVAE, adapted"),
+        Claim("Adaptation makes GraspCVAE succeed more often", "success",
+              "GraspCVAE, adapted", "GraspCVAE"),
+        Claim("GenDexGrasp succeeds more often than UniGrasp top-32", "success",
+              "GenDexGrasp", "UniGrasp top-32"),
+        Claim("UniGrasp top-1 succeeds more often than top-32", "success",
+              "UniGrasp top-1", "UniGrasp top-32"),
+        Claim("DFC's grasps are more diverse than GenDexGrasp's", "diversity",
+              "DFC", "GenDexGrasp"),
+        Claim("GenDexGrasp's grasps are more diverse than UniGrasp's top-32", "diversity",
+              "GenDexGrasp", "UniGrasp top-32"),
+        Claim("GenDexGrasp is at least 100 times as fast as DFC", "speed",
+              "GenDexGrasp", "DFC", MUCH_FASTER),
+    ),
+)  # fmt: skip
+
+TABLE_2 = BenchTable(
+    "table2",
+    "Aligned and Euclidean distance on hands not seen in training",
+    tuple(
+        _ours(f"{hand}, {distance}", hand, success, weights, distance)
+        for hand, (aligned, euclidean, _) in HANDS.items()
+        for distance, success, weights in (
+            ("aligned", aligned, f"without-{hand}"),
+            ("euclidean", euclidean, f"euclidean-without-{hand}"),
+        )
+    ),
+    tuple(
+        Claim(f"The aligned distance succeeds more often on {hand}", "success",
+              f"{hand}, aligned", f"{hand}, euclidean")
+        for hand in HANDS
+    ),
+)  # fmt: skip
+
+TABLE_3 = BenchTable(
+    "table3",
+    "Hands seen and not seen in training",
+    tuple(
+        _ours(f"{hand}, {how}", hand, success, weights)
+        for hand, (unseen, _, seen) in HANDS.items()
+        for how, success, weights in (("seen", seen, "full"), ("unseen", unseen, f"without-{hand}"))
+    ),
+    tuple(
+        Claim(f"Not having seen {hand} costs at most 5 points", "success",
+              f"{hand}, unseen", f"{hand}, seen", -LITTLE)
+        for hand in HANDS
+    ),
+)  # fmt: skip
+
+TABLES = {table.name: table for table in (TABLE_1, TABLE_2, TABLE_3)}
+
+
+def find_table(name: str) -> BenchTable:
+    """The table of a name.
+
+    Raises:
+        GdgError: there is none of that name (with a suggestion).
+    """
+    if name not in TABLES:
+        raise GdgError(f"Unknown table '{name}'.{did_you_mean(name, TABLES)}")
+    return TABLES[name]

@@ -1,0 +1,1 @@
+"""Scenes: what stands around an object while it is grasped."""

@@ -1,0 +1,204 @@
+"""Regresses grasps of one hand from an object's points (GraspCVAE, Jiang et al. 2021)."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import torch
+from torch import Tensor
+
+from gdg.closure import close_until_touch
+from gdg.components import Options
+from gdg.data.grasps import GraspSet
+from gdg.errors import GdgError
+from gdg.hand_weights import HandWeights, load_network
+from gdg.kinds.distance import Distance
+from gdg.kinds.fitter import Progress
+from gdg.kinds.hand_model import HandModel
+from gdg.kinds.planner import Planner
+from gdg.kinds.trainable import BatchKind, Trainable
+from gdg.objects.model import ObjectModel
+from gdg.rotations import ROOT_DIM, root_pose
+from gdg.weights_files import WeightsFile
+
+from .adapt import Agreement
+from .network import LATENT, GraspNetworks, center_of
+from .options import GraspCvaeOptions
+
+if TYPE_CHECKING:
+    from lightning.pytorch import LightningModule
+
+WEIGHTS = HandWeights(Path(__file__).parent / "weights", "graspcvae", "gdg-graspcvae-1")
+#: Grasps adapted at once; bounds the memory.
+MAX_BATCH = 256
+
+
+class GraspCvaePlanner(Planner, Trainable):
+    """One latent per grasp asked for, decoded to a pose; adapted at test time if so configured.
+
+    Args:
+        options: the weights to use and how to sample.
+        distance: what contact maps are measured with in the adaptation and in the ranking.
+    """
+
+    options: GraspCvaeOptions
+    batch_kind: ClassVar[BatchKind] = "grasps"
+
+    def __init__(self, options: GraspCvaeOptions, *, distance: Distance):
+        super().__init__(options)
+        self._distance = distance
+        self._loaded: dict[str, tuple[WeightsFile, GraspNetworks]] = {}
+
+    def plan(
+        self,
+        hand: HandModel,
+        obj: ObjectModel,
+        count: int,
+        generator: torch.Generator,
+        progress: Progress | None = None,
+    ) -> GraspSet:
+        """At most ``count`` grasps, best agreement with their predicted contact maps first.
+
+        Latents are drawn one after the other: the first grasps of a larger ``count`` are, before
+        sorting, those of a smaller one.
+
+        Raises:
+            GdgError: there are no weights for this hand, or they can't be read.
+        """
+        started = time.perf_counter()
+        weights, networks = self._networks(hand)
+        agreement = Agreement(
+            hand, obj, networks.contact, weights.metadata["distance"], self._distance, self.options
+        )
+        q = self._decoded(networks, hand, obj, count, generator)
+        generated = time.perf_counter()
+        q = self._finished(agreement, hand, obj, q, progress)
+        fitted = time.perf_counter()
+        seconds = {"generate": generated - started, "fit": fitted - generated}
+        return self._judged(agreement, hand, obj, q, self._provenance(weights, seconds))
+
+    def _networks(self, hand: HandModel) -> tuple[WeightsFile, GraspNetworks]:
+        """Weights and networks for a hand, read once."""
+        key = f"{hand.hand.folder} {hand.hand.content_hash} {hand.device}"
+        if key not in self._loaded:
+            weights = WEIGHTS.load(self.options.weights, hand.hand)
+            networks = GraspNetworks(hand)
+            load_network(weights, networks)
+            self._loaded[key] = weights, networks.to(hand.device)
+        return self._loaded[key]
+
+    @torch.no_grad()
+    def _decoded(
+        self,
+        networks: GraspNetworks,
+        hand: HandModel,
+        obj: ObjectModel,
+        count: int,
+        generator: torch.Generator,
+    ) -> Tensor:
+        drawn = torch.randn(count, LATENT, generator=generator, device=generator.device)
+        latents = self.options.temperature * drawn.to(hand.device)
+        points = obj.points[None]
+        condition = networks.cvae.condition(points).expand(count, -1)
+        center = center_of(points).expand(count, -1, -1)
+        return hand.clamp(networks.cvae.decode(condition, center, latents))
+
+    def _finished(
+        self,
+        agreement: Agreement,
+        hand: HandModel,
+        obj: ObjectModel,
+        q: Tensor,
+        progress: Progress | None,
+    ) -> Tensor:
+        """The grasps adapted and closed, as configured."""
+        o = self.options
+        if o.adapt and len(q):
+            batches = q.split(MAX_BATCH)
+            total = len(batches) * o.adapt_steps
+            q = torch.cat(
+                [
+                    agreement.adapted(batch, _share(progress, number * o.adapt_steps, total))
+                    for number, batch in enumerate(batches)
+                ]
+            )
+        if o.close and len(q):
+            q = close_until_touch(hand, obj, q)
+        return q
+
+    @torch.no_grad()
+    def _judged(
+        self,
+        agreement: Agreement,
+        hand: HandModel,
+        obj: ObjectModel,
+        q: Tensor,
+        provenance: dict[str, Any],
+    ) -> GraspSet:
+        """The finite grasps with their energies, lowest total first."""
+        finite = torch.isfinite(q).all(-1)
+        q = q[finite]
+        parts = [agreement.terms(part, agreement.targets(part)) for part in q.split(MAX_BATCH)]
+        energies = {
+            "total": torch.cat([agreement.total(terms) for terms in parts]),
+            "contact": torch.cat([terms.contact for terms in parts]),
+            "touch": torch.cat([terms.touch for terms in parts]),
+            "penetration": torch.cat([terms.penetration for terms in parts]),
+            "limits": torch.cat([terms.limits for terms in parts]),
+            "self_penetration": torch.cat([terms.self_penetration for terms in parts]),
+            "penetration_depth_mm": torch.cat([1000 * terms.depth for terms in parts]),
+        }
+        grasps = GraspSet(
+            hand=hand.hand.name,
+            object_name=obj.name,
+            joint_names=hand.joint_names,
+            root_link=hand.hand.spec.root_link,
+            poses=root_pose(q).cpu(),
+            joints=q[:, ROOT_DIM:].cpu(),
+            energies={name: values.cpu() for name, values in energies.items()},
+            # a regression ends by itself; the adaptation after its steps
+            status=("hit_limit" if self.options.adapt else "converged",) * len(q),
+            contact_values=torch.cat([terms.values for terms in parts]).cpu(),
+            provenance={**provenance, "rejected": {"not finite": int((~finite).sum())}},
+        )
+        return grasps.select(grasps.energies["total"].argsort().tolist())
+
+    def _provenance(self, weights: WeightsFile, seconds: dict[str, float]) -> dict[str, Any]:
+        return {
+            "planner": "graspcvae",
+            "adapt": self.options.adapt,
+            "weights": weights.path.name,
+            "weights_sha256": weights.sha256,
+            "training": weights.metadata,
+            "distance": self._distance.label,
+            "seconds": seconds,
+        }
+
+    @classmethod
+    def trainable(
+        cls, options: Options, learning_rate: float, seed: int, hand: HandModel | None = None
+    ) -> LightningModule:
+        """Fresh networks for one hand; ``options`` matter to inference only."""
+        from .module import GraspCvaeModule  # Lightning takes seconds to import
+
+        if hand is None:
+            raise GdgError("planner 'graspcvae' is trained for one hand; write hand=<its name>.")
+        return GraspCvaeModule(hand, learning_rate, seed)
+
+    @classmethod
+    def export(cls, module: LightningModule, path: Path, metadata: Mapping[str, Any]) -> None:
+        """Writes both networks as safetensors in half precision."""
+        from .module import GraspCvaeModule
+
+        assert isinstance(module, GraspCvaeModule)
+        WEIGHTS.save(path, module.networks, module.hand.hand, metadata)
+
+
+def _share(progress: Progress | None, done: int, total: int) -> Callable[[int], None]:
+    """Reports the steps of one of several batches as those of all."""
+    if progress is None:
+        return lambda step: None
+    return lambda step: progress(done + step, total)

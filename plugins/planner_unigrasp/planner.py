@@ -1,0 +1,182 @@
+"""Contact points first, fingers second (UniGrasp, Shao et al. 2020)."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import torch
+from torch import Tensor
+
+from gdg.closure import close_until_touch
+from gdg.components import Options
+from gdg.data.grasps import GraspSet
+from gdg.errors import GdgError
+from gdg.hand_weights import HandWeights, load_network
+from gdg.kinds.fitter import Progress
+from gdg.kinds.hand_model import HandModel
+from gdg.kinds.planner import Planner
+from gdg.kinds.trainable import BatchKind, Trainable
+from gdg.objects.model import ObjectModel
+from gdg.rotations import ROOT_DIM, root_pose
+from gdg.weights_files import WeightsFile
+
+from .candidates import Candidates, candidates
+from .fingers import Fingers, fingers_of
+from .network import ContactSelection
+from .options import UniGraspOptions
+from .reach import Reach, Terms
+
+if TYPE_CHECKING:
+    from lightning.pytorch import LightningModule
+
+WEIGHTS = HandWeights(Path(__file__).parent / "weights", "unigrasp", "gdg-unigrasp-1")
+
+
+class UniGraspPlanner(Planner, Trainable):
+    """Ranks sets of contact points and keeps those that the hand reaches.
+
+    Args:
+        options: the weights to use, how many sets, how to reach them.
+    """
+
+    options: UniGraspOptions
+    batch_kind: ClassVar[BatchKind] = "grasps"
+
+    def __init__(self, options: UniGraspOptions):
+        super().__init__(options)
+        self._loaded: dict[str, tuple[WeightsFile, Fingers, ContactSelection]] = {}
+
+    def plan(
+        self,
+        hand: HandModel,
+        obj: ObjectModel,
+        count: int,
+        generator: torch.Generator,
+        progress: Progress | None = None,
+    ) -> GraspSet:
+        """At most ``count`` grasps of ``options.top`` sets, the best set reached best first.
+
+        The sets follow from the object alone; the generator decides where inverse kinematics
+        starts. The total energy is the set's cost plus the energy of the fit.
+
+        Raises:
+            GdgError: there are no weights for this hand, they can't be read, or fewer than two
+                fingers have contact regions.
+        """
+        started = time.perf_counter()
+        weights, fingers, network = self._network(hand)
+        fingers = fingers.first(self.options.contacts or len(fingers))
+        found = candidates(network, obj, len(fingers), self.options)
+        ranked = time.perf_counter()
+        reach = Reach(hand, obj, fingers, self.options)
+
+        def report(step: int) -> None:
+            if progress is not None:
+                progress(step, reach.steps)
+
+        q = torch.zeros(0, ROOT_DIM + len(hand.joint_names), device=hand.device)
+        if len(found.index) and count:
+            q = reach.solve(found.index, generator, report)
+        seconds = {"generate": ranked - started, "fit": time.perf_counter() - ranked}
+        provenance = {
+            "planner": "unigrasp",
+            "top": self.options.top,
+            "fingers": list(fingers.names),
+            "weights": weights.path.name,
+            "weights_sha256": weights.sha256,
+            "training": weights.metadata,
+            "seconds": seconds,
+        }
+        return self._reached(reach, hand, obj, q, found, count, provenance)
+
+    def _network(self, hand: HandModel) -> tuple[WeightsFile, Fingers, ContactSelection]:
+        """Weights, fingers and network for a hand, read once."""
+        key = f"{hand.hand.folder} {hand.hand.content_hash} {hand.device}"
+        if key not in self._loaded:
+            weights = WEIGHTS.load(self.options.weights, hand.hand)
+            fingers = fingers_of(hand)
+            network = ContactSelection(len(fingers))
+            load_network(weights, network)
+            self._loaded[key] = weights, fingers, network.to(hand.device)
+        return self._loaded[key]
+
+    @torch.no_grad()
+    def _reached(
+        self,
+        reach: Reach,
+        hand: HandModel,
+        obj: ObjectModel,
+        q: Tensor,
+        found: Candidates,
+        count: int,
+        provenance: dict[str, Any],
+    ) -> GraspSet:
+        """The grasps that meet every threshold, lowest total first."""
+        sets = slice(0, len(q))
+        index, cost, error = found.index[sets], found.cost[sets], found.force_closure[sets]
+        terms = reach.terms(q, index)
+        rejected = {"no force closure": found.rejected}
+        good = torch.ones(len(q), dtype=torch.bool, device=q.device)
+        for reason, failed in self._tests(q, terms).items():
+            rejected[reason] = int((good & failed).sum())
+            good &= ~failed
+        fit = reach.total(terms)
+        energies = {
+            "total": cost + fit,
+            "set": cost,
+            "force_closure": error,
+            "fit": fit,
+            "distance": terms.distances.mean(-1),
+            "normals": terms.normals,
+            "penetration": terms.penetration,
+            "self_penetration": terms.self_penetration,
+            "limits": terms.limits,
+            "penetration_depth_mm": 1000 * terms.depth,
+        }
+        if self.options.close and len(q):
+            q = close_until_touch(hand, obj, q)
+        grasps = GraspSet(
+            hand=hand.hand.name,
+            object_name=obj.name,
+            joint_names=hand.joint_names,
+            root_link=hand.hand.spec.root_link,
+            poses=root_pose(q).cpu(),
+            joints=q[:, ROOT_DIM:].cpu(),
+            energies={name: values.cpu() for name, values in energies.items()},
+            status=("converged",) * len(q),
+            provenance={**provenance, "rejected": rejected},
+        )
+        order = grasps.energies["total"].argsort().tolist()
+        return grasps.select([i for i in order if good[i]][:count])
+
+    def _tests(self, q: Tensor, terms: Terms) -> dict[str, Tensor]:
+        """Reason -> which poses are rejected for it, in the order in which they are tested."""
+        o = self.options
+        return {
+            "not finite": ~torch.isfinite(q).all(-1),
+            "contact out of reach": terms.distances.amax(-1) > o.max_distance_m,
+            "penetration": terms.depth > o.max_penetration_m,
+            "self-penetration": terms.self_penetration > o.max_self_m,
+        }
+
+    @classmethod
+    def trainable(
+        cls, options: Options, learning_rate: float, seed: int, hand: HandModel | None = None
+    ) -> LightningModule:
+        """A fresh network for one hand; ``options`` matter to inference only."""
+        from .module import UniGraspModule  # Lightning takes seconds to import
+
+        if hand is None:
+            raise GdgError("planner 'unigrasp' is trained for one hand; write hand=<its name>.")
+        return UniGraspModule(hand, learning_rate, seed)
+
+    @classmethod
+    def export(cls, module: LightningModule, path: Path, metadata: Mapping[str, Any]) -> None:
+        """Writes the network as safetensors in half precision."""
+        from .module import UniGraspModule
+
+        assert isinstance(module, UniGraspModule)
+        WEIGHTS.save(path, module.network, module.hand.hand, metadata)

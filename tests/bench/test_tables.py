@@ -1,0 +1,56 @@
+"""The paper's tables, as the command line knows them."""
+
+from __future__ import annotations
+
+import pytest
+
+from gdg.bench.output import published_rate
+from gdg.bench.tables import HANDS, TABLES, find_table
+from gdg.errors import GdgError
+
+ROWS = [method for table in TABLES.values() for method in table.methods]
+
+
+@pytest.mark.parametrize("table", TABLES.values(), ids=TABLES)
+def test_claims_are_about_rows_of_the_table(table):
+    labels = [method.label for method in table.methods]
+    assert len(set(labels)) == len(labels)
+    for claim in table.claims:
+        assert {claim.first, claim.second} <= set(labels)
+
+
+@pytest.mark.parametrize("method", ROWS, ids=lambda method: method.label)
+def test_the_inferred_number_of_grasps_gives_the_published_digits(method):
+    share = 100 * published_rate(method.published).share
+    assert share == pytest.approx(method.published.success, abs=0.06)
+
+
+def test_the_tables_hold_the_published_numbers():
+    one = {m.label: m.published for m in TABLES["table1"].methods}
+    assert (one["DFC"].success, one["DFC"].diversity_rad) == (79.53, 0.344)
+    assert (one["DFC"].seconds, one["DFC"].at_least) == (1800.0, True)
+    assert (one["GraspCVAE"].success, one["GraspCVAE"].seconds) == (19.38, 0.012)
+    assert one["GraspCVAE, adapted"].success == 22.03
+    assert [one[f"UniGrasp top-{k}"].success for k in (1, 8, 32)] == [80.0, 50.0, 48.4]
+    assert (one["GenDexGrasp"].success, one["GenDexGrasp"].seconds) == (77.19, 16.4)
+    two = {m.label: m.published.success for m in TABLES["table2"].methods}
+    assert two["barrett, aligned"] == 70.31
+    assert two["ezgripper, euclidean"] == 29.53
+    three = {m.label: m.published.success for m in TABLES["table3"].methods}
+    assert (three["barrett, seen"], three["barrett, unseen"]) == (71.72, 70.31)
+
+
+def test_unseen_hands_get_weights_that_never_saw_them():
+    for method in ROWS:
+        if method.planner == "contact-map":
+            seen = method.label.endswith(", seen")
+            ending = "full" if seen else f"without-{method.hand}"
+            assert method.weights.endswith(ending)
+            assert method.weights.startswith("euclidean") == (method.distance == "euclidean")
+            assert f"distance={method.distance}" in method.words
+    assert set(HANDS) == {"ezgripper", "barrett", "shadowhand"}
+
+
+def test_an_unknown_table_gets_a_suggestion():
+    with pytest.raises(GdgError, match="Did you mean 'table2'"):
+        find_table("tabel2")

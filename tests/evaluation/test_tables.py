@@ -1,0 +1,55 @@
+"""Tables hold every row, and say what is not known."""
+
+from __future__ import annotations
+
+import csv
+import math
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from gdg.evaluation.figure import Bar, draw_bars
+from gdg.evaluation.run import run_eval
+from gdg.evaluation.tables import BRIEF, UNKNOWN, cells, csv_text, markdown, number, span
+
+
+def test_numbers_that_are_not_known_are_dashes():
+    assert number(math.nan, 2) == UNKNOWN
+    assert span((math.nan, math.nan)) == UNKNOWN
+    assert span((-0.1, 1.2)) == "0–100"
+
+
+def test_markdown_has_one_width_per_table_and_a_line_per_row(configs, tmp_path: Path):
+    done = run_eval(configs("object=cube_small", "n=2", "planner.top=1,2"))
+    text = (tmp_path / "out" / "summary.md").read_text()
+    assert text == markdown(done.rows)
+    for part in text.split("## ")[1:]:
+        lines = [line for line in part.splitlines() if line.startswith("|")]
+        assert len(lines) == 4
+        assert len({line.count("|") for line in lines}) == 1
+    assert len(cells(done.rows[0], BRIEF)) == len(done.rows[0].settings) + len(BRIEF)
+
+
+def test_the_csv_has_every_number(configs, tmp_path: Path):
+    run_eval(configs("object=cube_small", "n=2"))
+    with (tmp_path / "out" / "summary.csv").open(newline="") as stream:
+        (line,) = csv.DictReader(stream)
+    assert line["success_n"] == "2"
+    assert line["joints_pooled_rad"] == "" or float(line["joints_pooled_rad"]) >= 0
+    for name in ("success_low", "macro", "first_share", "any_share", "penetration_mm_p95",
+                 "epsilon", "seconds_simulate", "hardware"):  # fmt: skip
+        assert name in line
+
+
+def test_csv_lines_of_different_shapes_are_filled_up():
+    assert csv_text([{"a": 1}, {"b": math.nan, "a": "x,y"}]) == 'a,b\n1,\n"x,y",\n'
+
+
+@pytest.mark.parametrize("count", [1, 80])
+def test_bars_are_drawn(tmp_path: Path, count: int):
+    bars = [Bar(f"row {i}", 0.5, (0.4, 0.6), 0.7) for i in range(count)]
+    draw_bars([*bars[:-1], Bar("missing", None, note="weights missing")], tmp_path / "a.png", "t")
+    with Image.open(tmp_path / "a.png") as picture:
+        assert picture.width > 800
+        assert len(picture.convert("RGB").getcolors(2**24) or ()) > 5
