@@ -466,7 +466,7 @@ SABOTAGE: list[tuple[str, type, str, str]] = [
     ("fitter", OwnSeed, "grasps", "draw from the generator passed in"),
     ("fitter", TakesAnyMap, "foreign maps", "maps of an unknown distance must raise"),
     ("fitter", NeedsMaps, "no map", "no map: raised IndexError"),
-    ("fitter", NeedsTwoMaps, "one map", "one map must give one grasp"),
+    ("fitter", NeedsTwoMaps, "one map", "2 maps gave"),
     ("fitter", StretchesMaps, "maps of another object", "another number of points must raise"),
     ("fitter", DrawsWithNumpy, "randomness", "the global random state of numpy changed"),
     ("fitter", DoubleJoints, "grasps", "joints must be float32"),

@@ -39,9 +39,10 @@ class Fitter(ABC):
         generator: torch.Generator,
         progress: Progress | None = None,
     ) -> GraspSet:
-        """The best grasp of each map, in the order of the maps (all particles if so configured).
+        """The best grasps of each map, in the order of the maps.
 
-        No maps give no grasps.
+        Equally many of each map, the lowest energy first: one or, if so configured, several for a
+        planner to choose among. No maps give no grasps.
 
         Energies carry ``total`` and the terms it is the weighted sum of.
 

@@ -98,7 +98,7 @@ class AdamFitter(Fitter):
         generator: torch.Generator,
         progress: Progress | None = None,
     ) -> GraspSet:
-        """The best particle of each map, in the order of the maps; see the interface."""
+        """The best particles of each map, in the order of the maps; see the interface."""
         targets = values_on(obj, maps, self.distance).to(hand.device)
         if self.options.sharpen:
             targets = self.distance.sharpen(targets)
@@ -215,11 +215,10 @@ class AdamFitter(Fitter):
         return GraspBatch(q.cpu(), cpu, terms.values.cpu())
 
     def _best(self, fitted: GraspBatch) -> Int[Tensor, "kept"]:
-        """The particle of lowest energy of each map, or all of them."""
-        if self.options.all_particles:
-            return torch.arange(len(fitted.q))
-        best = fitted.energies["total"].reshape(-1, self.options.particles).argmin(-1)
-        return best + self.options.particles * torch.arange(len(best))
+        """The particles of lowest energy of each map."""
+        energies = fitted.energies["total"].reshape(-1, self.options.particles)
+        best = energies.argsort(dim=-1, stable=True)[:, : self.options.keep]
+        return (best + self.options.particles * torch.arange(len(best))[:, None]).flatten()
 
     def _grasps(
         self, hand: HandModel, obj: ObjectModel, maps: ContactMap, fitted: GraspBatch

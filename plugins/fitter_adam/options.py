@@ -31,7 +31,8 @@ class AdamOptions(Options):
             hand finds the contacts first and ends outside the object.
         limit_weight: weight of the joint-limit norm E_n.
         self_weight: weight of self-penetration, per metre; 0 leaves it out.
-        all_particles: return every particle, not only the best of each map.
+        keep: how many particles of each map are returned, the lowest energies first; a planner
+            chooses among them. The paper keeps one.
     """
 
     particles: Annotated[int, Field(ge=1, le=4096)] = 32
@@ -46,4 +47,4 @@ class AdamOptions(Options):
     penetration_ramp: Annotated[float, Field(ge=1)] = 30.0
     limit_weight: Weight = 1.0
     self_weight: Weight = 1.0
-    all_particles: bool = False
+    keep: Annotated[int, Field(ge=1, le=4096)] = 8

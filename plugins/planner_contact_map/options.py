@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Annotated, Literal
+
+from pydantic import Field
+
 from gdg.components import Options
 
 
@@ -10,6 +14,13 @@ class ContactMapOptions(Options):
 
     Attributes:
         close: flex fingers that the fit left off the object until they touch it.
+        rank: the energy by which one of the fits to each map is kept and grasps are sorted.
+            ``energy``: the fit's (paper); ``stability``: the margin of force closure and the
+            overlap by exact shapes.
+        max_overlap_mm: overlap of hand and object, of the hand's links or of hand and table that
+            costs nothing when ranking by ``stability``.
     """
 
     close: bool = True
+    rank: Literal["energy", "stability"] = "stability"
+    max_overlap_mm: Annotated[float, Field(ge=0)] = 1.5

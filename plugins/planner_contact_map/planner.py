@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections import Counter
 from dataclasses import replace
 
 import torch
@@ -17,11 +16,12 @@ from gdg.kinds.planner import Planner
 from gdg.objects.model import ObjectModel
 from gdg.rotations import ROOT_DIM, root_pose
 
+from .choice import judged_by_stability
 from .options import ContactMapOptions
 
 
 class ContactMapPlanner(Planner):
-    """One contact map per grasp asked for; drops fits that diverged."""
+    """One contact map per grasp asked for, and the best of its fits; drops fits that diverged."""
 
     def __init__(self, options: ContactMapOptions, *, generator: Generator, fitter: Fitter):
         super().__init__(options)
@@ -36,7 +36,7 @@ class ContactMapPlanner(Planner):
         generator: torch.Generator,
         progress: Progress | None = None,
     ) -> GraspSet:
-        """At most ``count`` grasps, lowest energy first; see the interface."""
+        """At most ``count`` grasps, one per map, lowest energy first; see the interface."""
         started = time.perf_counter()
         maps = self._generator.generate(obj, count, generator)
         generated = time.perf_counter()
@@ -47,11 +47,25 @@ class ContactMapPlanner(Planner):
             if obj.table is not None:
                 grasps = replace(grasps, poses=root_pose(closed).cpu())
         fitted = time.perf_counter()
-        order = grasps.energies["total"].argsort().tolist()
-        kept = [i for i in order if grasps.status[i] != "diverged"][:count]
-        rejected = Counter({"diverged": grasps.status.count("diverged")})
-        seconds = {"generate": generated - started, "fit": fitted - generated}
+        rejected = {"diverged": grasps.status.count("diverged")}
+        grasps = self._chosen(hand, obj, grasps, len(maps))
+        seconds = {
+            "generate": generated - started,
+            "fit": fitted - generated,
+            "rank": time.perf_counter() - fitted,
+        }
         return replace(
-            grasps.select(kept),
-            provenance={**grasps.provenance, "rejected": dict(rejected), "seconds": seconds},
+            grasps, provenance={**grasps.provenance, "rejected": rejected, "seconds": seconds}
         )
+
+    def _chosen(self, hand: HandModel, obj: ObjectModel, grasps: GraspSet, maps: int) -> GraspSet:
+        """The best fit of each map that has one, best first."""
+        per_map = len(grasps) // max(1, maps)
+        finite = [i for i, status in enumerate(grasps.status) if status != "diverged"]
+        grasps = grasps.select(finite)
+        if self.options.rank == "stability":
+            grasps = judged_by_stability(hand, obj, grasps, self.options.max_overlap_mm)
+        best: dict[int, int] = {}
+        for index in grasps.energies["total"].argsort(stable=True).tolist():
+            best.setdefault(finite[index] // per_map, index)
+        return grasps.select(list(best.values()))

@@ -30,7 +30,7 @@ TRUE_CLOSE_M = OPEN_M - 0.0205
 
 
 def fitter(**options: object) -> AdamFitter:
-    chosen = {"particles": 6, "steps": 60, "sharpen": False, **options}
+    chosen = {"particles": 6, "steps": 60, "keep": 1, "sharpen": False, **options}
     return AdamFitter(AdamOptions(**chosen), distance=RELEASE)
 
 
@@ -54,7 +54,7 @@ def maps(gripper_model: HandModel, cube: ObjectModel, truth: Tensor) -> ContactM
 @pytest.fixture(scope="module")
 def all_fitted(gripper_model: HandModel, cube: ObjectModel, maps: ContactMap) -> GraspSet:
     """Every particle of a fit from the paper's starts."""
-    run = fitter(particles=6, steps=80, all_particles=True)
+    run = fitter(particles=6, steps=80, keep=1000)
     return run.fit(gripper_model, cube, maps, seeded(1))
 
 
@@ -102,7 +102,7 @@ def test_a_growing_penetration_weight_keeps_hands_out(
 ):
     depths = []
     for weight in (0.0, 0.1):
-        options = {"steps": 25, "particles": 4, "penetration_weight": weight, "all_particles": True}
+        options = {"steps": 25, "particles": 4, "penetration_weight": weight, "keep": 1000}
         found = fitter(**options).fit(gripper_model, cube, maps, seeded())
         depths.append(found.energies["penetration_depth_mm"].median().item())
     assert depths[1] < 0.5 * depths[0]
@@ -154,7 +154,7 @@ def test_sharpened_targets_are_pursued(
 def test_joints_end_within_their_limits(
     gripper_model: HandModel, cube: ObjectModel, maps: ContactMap, all_fitted: GraspSet
 ):
-    wild = fitter(steps=20, learning_rate=0.05, limit_weight=0.0, all_particles=True)
+    wild = fitter(steps=20, learning_rate=0.05, limit_weight=0.0, keep=1000)
     for grasps in (all_fitted, wild.fit(gripper_model, cube, maps, seeded())):
         assert (grasps.joints >= gripper_model.lower).all()
         assert (grasps.joints <= gripper_model.upper).all()
@@ -183,9 +183,7 @@ def test_the_best_particle_is_chosen_and_all_can_be_had(
 ):
     both = replace(maps, values=maps.values.repeat(2, 1))
     best = fitter(particles=4, steps=5).fit(gripper_model, cube, both, seeded())
-    every = fitter(particles=4, steps=5, all_particles=True).fit(
-        gripper_model, cube, both, seeded()
-    )
+    every = fitter(particles=4, steps=5, keep=1000).fit(gripper_model, cube, both, seeded())
     assert (len(best), len(every)) == (2, 8)
     lowest = every.energies["total"].reshape(2, 4).amin(-1)
     torch.testing.assert_close(best.energies["total"], lowest)
@@ -240,14 +238,17 @@ def with_nan(monkeypatch: pytest.MonkeyPatch, rows: list[int]) -> None:
 def test_a_particle_that_is_not_finite_leaves_the_others_alone(
     gripper_model: HandModel, cube: ObjectModel, maps: ContactMap, monkeypatch: pytest.MonkeyPatch
 ):
-    run = fitter(particles=4, steps=8, all_particles=True)
+    run = fitter(particles=4, steps=8, keep=1000)
     sane = run.fit(gripper_model, cube, maps, seeded())
     with_nan(monkeypatch, [1])
     spoiled = run.fit(gripper_model, cube, maps, seeded())
-    assert spoiled.status == ("hit_limit", "diverged", "hit_limit", "hit_limit")
-    others = [0, 2, 3]
-    torch.testing.assert_close(spoiled.joints[others], sane.joints[others])
-    torch.testing.assert_close(spoiled.poses[others], sane.poses[others], rtol=1e-4, atol=1e-5)
+    # sorted by energy, so the spoiled one is last, and missing from the order of the others
+    assert spoiled.status == ("hit_limit",) * 3 + ("diverged",)
+    apart = torch.cdist(spoiled.joints[:3], sane.joints)
+    others = apart.argmin(-1)
+    assert others.tolist() == sorted(set(others.tolist()))
+    torch.testing.assert_close(spoiled.joints[:3], sane.joints[others])
+    torch.testing.assert_close(spoiled.poses[:3], sane.poses[others], rtol=1e-4, atol=1e-5)
 
 
 def test_a_diverged_particle_is_never_the_best(

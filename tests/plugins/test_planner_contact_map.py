@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import pytest
 import torch
@@ -20,6 +21,8 @@ from gdg.registry import get_registry
 from gdg.testing.fixtures import HALF_CUBE_M, StandInGenerator, jaw_grasps
 from gdg.testing.gripper import OPEN_M
 
+#: What is chosen where nothing is said.
+DEFAULTS = {"close": True, "rank": "stability", "max_overlap_mm": 1.5}
 #: How far the stand-in's fits leave the jaws open, worst fit first; metres per grasp.
 LEFT_OPEN_M = (0.02, 0.0, 0.01)
 
@@ -45,10 +48,10 @@ class OpenFits(Fitter):
         )
 
 
-def planned(hand: HandModel, obj: ObjectModel, count: int, close: bool) -> GraspSet:
+def planned(hand: HandModel, obj: ObjectModel, count: int, close: bool, **options: Any) -> GraspSet:
     distance = EuclideanDistance(NoOptions())
     planner = ContactMapPlanner(
-        ContactMapOptions(close=close),
+        ContactMapOptions(close=close, **options),
         generator=StandInGenerator(distance),
         fitter=OpenFits(NoOptions(), distance=distance),
     )
@@ -62,9 +65,9 @@ def test_fingers_are_closed_until_they_touch(gripper_model: HandModel, cube: Obj
 
 
 def test_close_false_keeps_what_the_fitter_gave(gripper_model: HandModel, cube: ObjectModel):
-    grasps = planned(gripper_model, cube, 3, close=False)
+    grasps = planned(gripper_model, cube, 3, close=False, rank="energy")
     left_open = OPEN_M - HALF_CUBE_M - grasps.joints[:, 0]
-    # best first
+    # best first: the energy is how far the jaws are open
     torch.testing.assert_close(left_open, torch.tensor([0.0, 0.01, 0.02]), rtol=0, atol=1e-6)
 
 
@@ -73,7 +76,38 @@ def test_no_maps_give_no_grasps(gripper_model: HandModel, cube: ObjectModel, clo
     assert len(planned(gripper_model, cube, 0, close)) == 0
 
 
+class SeveralFits(OpenFits):
+    """Of each map: a fit of low energy that overlaps, one that is off, one that holds."""
+
+    def fit(self, hand: HandModel, obj: ObjectModel, maps: ContactMap, *rest: Any) -> GraspSet:
+        squeezed = torch.tensor([0.004, -0.01, 0.0] * len(maps))
+        grasps = jaw_grasps((0.0,) * len(squeezed), squeeze=None)
+        return replace(
+            grasps,
+            joints=grasps.joints + squeezed[:, None],
+            energies={"total": torch.tensor([0.1, 0.2, 0.3] * len(maps))},
+            status=("hit_limit", "hit_limit", "hit_limit") * len(maps),
+        )
+
+
+@pytest.mark.parametrize(("rank", "squeezed"), [("energy", 0.004), ("stability", 0.0)])
+def test_one_fit_of_each_map_is_kept(
+    rank: str, squeezed: float, gripper_model: HandModel, cube: ObjectModel
+):
+    distance = EuclideanDistance(NoOptions())
+    planner = ContactMapPlanner(
+        ContactMapOptions(close=False, rank=rank),
+        generator=StandInGenerator(distance),
+        fitter=SeveralFits(NoOptions(), distance=distance),
+    )
+    grasps = planner.plan(gripper_model, cube, 2, torch.Generator().manual_seed(0))
+    held = OPEN_M - HALF_CUBE_M
+    torch.testing.assert_close(
+        grasps.joints, torch.full((2, 1), held + squeezed), rtol=0, atol=1e-6
+    )
+
+
 def test_closing_is_the_default_and_can_be_set_by_name():
     options = get_registry().find("planner", "contact-map").options
-    assert options().model_dump() == {"close": True}
-    assert options.model_validate({"close": False}).model_dump() == {"close": False}
+    assert options().model_dump() == DEFAULTS
+    assert options.model_validate({"close": False}).model_dump() == {**DEFAULTS, "close": False}

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from jaws import protocol_of
-from simulation.point_world import PointWorld
+from point_world import PointWorld
 
 from gdg.errors import GdgError
 from gdg.protocols import SIX, Protocol
