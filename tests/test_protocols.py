@@ -34,6 +34,7 @@ def test_presets_are_valid_and_named_after_their_file(name: str):
     assert protocol.name == name
     assert protocol.label == f"{name}-v{protocol.version}"
     assert protocol.source
+    assert (protocol.shifts.count, protocol.shifts.distance_m) == (4, 0.0002)
 
 
 @pytest.mark.parametrize("name", PUBLISHED)

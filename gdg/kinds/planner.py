@@ -36,6 +36,10 @@ class Planner(ABC):
     ) -> GraspSet:
         """At most ``count`` grasps, best first; fewer (even none) when no more were found.
 
+        Where ``obj.table`` says that the object rests on a table, the hand must stay above it:
+        ``gdg.penetration`` counts it, ``gdg.closure`` and ``gdg.initial_poses`` heed it. Grasps in
+        the table, or reached through it, are left out after planning (``gdg.scenes.keep``).
+
         ``provenance["rejected"]`` counts the reasons for which candidates were dropped.
         """
 

@@ -69,7 +69,7 @@ def plan_fingerprint(config: RunConfig, *more: str | int) -> str:
 
 
 def _shaping(job: PairJob, fields: Sequence[str]) -> dict[str, Any]:
-    """Values of job fields; the scene only where there is one, as hashes from before it had none."""
+    """Values of job fields; of scenes only a table, since older hashes knew of none."""
     scene = {"scene": job.scene, "scene_pose": job.scene_pose} if job.scene != "free" else {}
     return {**{name: getattr(job, name) for name in fields}, **scene}
 

@@ -70,7 +70,7 @@ def arrow_mesh(start: np.ndarray, direction: np.ndarray, length: float) -> Pictu
 
 
 def table_mesh(low: np.ndarray, high: np.ndarray) -> PictureMesh:
-    """A table top at z = 0 below a box from ``low`` to ``high``, and around it; metres, two-sided."""
+    """A table top at z = 0 below a box from ``low`` to ``high`` and around it; two-sided."""
     middle, half = (low[:2] + high[:2]) / 2, (high[:2] - low[:2]).max() / 2 + TABLE_MARGIN_M
     square = half * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) + middle
     vertices = np.concatenate((square, np.zeros((4, 1))), axis=1).astype(np.float32)

@@ -105,9 +105,7 @@ def build_scene(
         ),
         eyes=np.array(eyes).reshape(-1, 2, 3),
         frames=tuple(frame_points(thing, posed) for posed in hands),
-        table=None
-        if obj.table is None
-        else table_mesh(mesh.vertices.min(0), mesh.vertices.max(0)),
+        table=None if obj.table is None else table_mesh(mesh.vertices.min(0), mesh.vertices.max(0)),
     )
 
 

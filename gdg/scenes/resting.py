@@ -120,7 +120,7 @@ def _merged(ups: np.ndarray, shares: np.ndarray) -> tuple[np.ndarray, np.ndarray
     for index in order.tolist():
         near = [n for n, k in enumerate(kept) if ups[k] @ ups[index] > np.cos(SAME_POSE_RAD)]
         if near:
-            summed[near[0]] += shares[index]
+            summed[near[0]] += float(shares[index])
         else:
             kept.append(index)
             summed.append(float(shares[index]))

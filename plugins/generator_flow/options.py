@@ -27,7 +27,7 @@ class FlowOptions(Options):
     """
 
     weights: Annotated[str, Field(min_length=1)] = "default"
-    steps: Annotated[int, Field(ge=1, le=1000)] = 12
+    steps: Annotated[int, Field(ge=1, le=1000)] = 16
     temperature: Annotated[float, Field(ge=0.0, le=3.0)] = 1.0
     batch: Annotated[int, Field(ge=1, le=4096)] = 32
     width: Annotated[int, Field(ge=16, le=512)] = 128

@@ -15,6 +15,7 @@ import trimesh
 
 from gdg.errors import GdgError
 from gdg.hands.geometry import ConvexPart
+from gdg.protocols import Protocol
 from gdg.simulation.mass import MassProperties
 
 from .options import MujocoOptions
@@ -33,7 +34,11 @@ INTEGRATOR = "mjINT_DISCRETE"
 class Surface:
     """What every collision shape of a scene has in common.
 
-    MuJoCo takes the larger friction of two shapes, so both have the protocol's.
+    MuJoCo takes the larger friction of two shapes, so both have the protocol's. Its contacts are
+    springs, critically damped: an overlap decays by 1/e in ``solref[0]``, which stands for PhysX's
+    limit to the speed of depenetration (10 mm of overlap go at up to 0.4 m/s). Under load an
+    overlap of force × (1 - d) × solref[0]² / effective mass remains: at the defaults 0.1 mm
+    where 100 N pinch an object of 32 g.
 
     Attributes:
         friction: Coulomb coefficient.
@@ -48,11 +53,12 @@ class Surface:
     solimp: tuple[float, float, float, float, float]
 
     @classmethod
-    def of(cls, friction: float, torsional: float, options: MujocoOptions) -> Surface:
+    def of(cls, protocol: Protocol, options: MujocoOptions) -> Surface:
         """The surface of a protocol's friction under these options."""
         # between equal ends width, midpoint and power have no effect
         solimp = (options.impedance, options.impedance, 0.001, 0.5, 2.0)
-        return cls(friction, torsional, (options.contact_time_ms / 1000, 1.0), solimp)
+        solref = (options.contact_time_ms / 1000, 1.0)
+        return cls(protocol.friction, protocol.torsional_friction, solref, solimp)
 
 
 def new_spec(timestep: float, options: MujocoOptions) -> mujoco.MjSpec:

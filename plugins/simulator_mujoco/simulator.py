@@ -15,7 +15,20 @@ from .world import MujocoWorld
 
 
 class MujocoSimulator(WorldSimulator):
-    """MuJoCo: no GPU, no display, one compiled scene for all grasps of a call."""
+    """MuJoCo: no GPU, no display, one compiled scene for all grasps of a call.
+
+    Hand, drives, shapes, mass and friction are those of the PhysX simulator. What differs:
+
+    - Steps are those of the protocol, divided until they are ``max_timestep_ms`` or less. Damping
+      of the object takes 1 - d·dt of its velocity in each step of the engine, so with damping a
+      free object goes somewhat farther than in PhysX, whose steps are longer.
+    - Contacts are springs, see ``Surface``; there is no limit to the speed of depenetration, so
+      the protocol's ``max_depenetration_velocity`` is not used.
+    - Contacts are points, where PhysX has patches that resist a twist about their normal even in a
+      protocol without torsional friction. In exchange torsional friction is simulated.
+    - Friction cones are MuJoCo's, convex: what slides also wants to part. An object that touches
+      fingers on both sides without being pressed may jam where Coulomb's would slip.
+    """
 
     options: MujocoOptions
     engine = f"mujoco {mujoco.__version__}"

@@ -60,8 +60,7 @@ class MujocoWorld(GraspWorld):
         self.substeps = max(1, ceil(protocol.timestep_ms / options.max_timestep_ms - 1e-9))
         timestep = protocol.timestep_ms / 1000.0 / self.substeps
         spec = new_spec(timestep, options)
-        surface = Surface.of(protocol.friction, protocol.torsional_friction, options)
-        shapes = ShapeMaker(spec, surface)
+        shapes = ShapeMaker(spec, Surface.of(protocol, options))
         self.hand = HandBodies(hand, spec, shapes, protocol, options)
         self._add_object(obj, spec, shapes, protocol)
         self._table = table

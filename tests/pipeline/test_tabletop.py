@@ -73,7 +73,8 @@ def test_a_scene_changes_the_fingerprints_and_its_absence_does_not(config):
 def test_what_is_planned_stays_above_the_table_and_says_so(pair: Pair):
     grasps = pair.plan(16, generator_for(0), contact_maps=False)
     assert len(grasps) > 0
-    assert grasps.scene is not None and grasps.scene == pair.obj.scene
+    assert grasps.scene is not None
+    assert grasps.scene == pair.obj.scene
     assert grasps.scene.table.normal == (0.0, 0.0, 1.0)
     q, table = pair.hand.q_of(grasps), grasps.scene.table
     assert hand_height(pair.hand, table, q).min() >= -1e-5
@@ -95,6 +96,7 @@ def test_a_run_tells_the_simulator_of_the_table_and_stores_it(
     monkeypatch.setattr(SapienSimulator, "simulate", simulate)
     run = run_grasp(config("scene=tabletop", "planner.batch=16"))
     stored = load_grasps(run.folder / "grasps.json")
+    assert stored.scene is not None
     assert stored.scene == run.grasps.scene
     assert tables == [(stored.scene.table, "tabletop-lift")]
 

@@ -173,6 +173,7 @@ def test_raised_hands_stand_at_the_clearance_and_others_stay(allegro: HandModel)
 @pytest.mark.parametrize("name", ["mouse", "mustard_bottle"])
 def test_hands_start_above_the_table_and_look_down_or_sideways(allegro, start, name: str):
     obj = on_table(find_object(name))
+    assert obj.table is not None
     q = start(allegro, obj, 64, seeded())
     assert hand_height(allegro, obj.table, q).min() >= -1e-6
     looks = allegro.palm(q)[1] @ torch.as_tensor(obj.table.up, dtype=torch.float32)
