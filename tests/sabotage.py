@@ -363,11 +363,37 @@ class TakesAnyHand(SapienSimulator):
 
 
 class CountsDown(SapienSimulator):
-    def simulate(self, hand: Any, obj: Any, grasps: Any, protocol: Any, progress: Any = None):
+    def simulate(
+        self, hand: Any, obj: Any, grasps: Any, protocol: Any, progress: Any = None, *rest: Any
+    ):
         for done in (1, 0):
             if progress is not None:
                 progress(done, 1)
-        return super().simulate(hand, obj, grasps, protocol)
+        return super().simulate(hand, obj, grasps, protocol, None, *rest)
+
+
+class Weightless(SapienSimulator):
+    def simulate(self, hand: Any, obj: Any, grasps: Any, protocol: Any, *args: Any, **kwargs: Any):
+        if protocol.lift is not None and not protocol.needs_table:
+            protocol = protocol.model_copy(update={"lift": None})
+        return super().simulate(hand, obj, grasps, protocol, *args)
+
+
+class TakesTablesAway(SapienSimulator):
+    def simulate(
+        self, hand: Any, obj: Any, grasps: Any, protocol: Any, progress: Any = None, *rest: Any
+    ):
+        if protocol.needs_table:
+            lift = protocol.lift.model_copy(update={"support": "none"})
+            protocol = protocol.model_copy(update={"lift": lift})
+        return super().simulate(hand, obj, grasps, protocol, progress)
+
+
+class ForgivesOverlap(SapienSimulator):
+    def simulate(self, hand: Any, obj: Any, grasps: Any, protocol: Any, *args: Any, **kwargs: Any):
+        start = protocol.start.model_copy(update={"max_initial_penetration_m": None})
+        protocol = protocol.model_copy(update={"start": start})
+        return super().simulate(hand, obj, grasps, protocol, *args)
 
 
 class TensorDrift(SapienSimulator):
@@ -482,6 +508,9 @@ SABOTAGE: list[tuple[str, type, str, str]] = [
     ("simulator", AlwaysPasses, "absent hand", "a hand one metre away must not pass"),
     ("simulator", NeverPasses, "firm grasp", "press on the cube's middle must hold it"),
     ("simulator", Backward, "firm grasp", "must hold it"),
+    ("simulator", Weightless, "lifted grasp", "two jaws that press on the cube must lift it"),
+    ("simulator", TakesTablesAway, "cube on a table", "must sink with it, not by"),
+    ("simulator", ForgivesOverlap, "initial overlap", "must fail as penetrating"),
     ("simulator", Moody, "repetition", "in a second run, a grasp's object moved by"),
     ("simulator", LikesCompany, "alone", "alone instead of among others"),
     ("simulator", LikesOneSide, "turned grasp", "turned by 90° around the cube is judged"),

@@ -14,10 +14,14 @@ from gdg.kinds.generator import Generator
 from gdg.kinds.hand_model import HandModel
 from gdg.kinds.planner import Planner
 from gdg.objects.model import ObjectModel
+from gdg.quality.stability import judged_by_stability
 from gdg.rotations import ROOT_DIM, root_pose
+from gdg.scenes.keep import keep_above
 
-from .choice import judged_by_stability
 from .options import ContactMapOptions
+
+#: Metric that says which of the generated maps, from 0, a grasp was fitted to.
+MAP = "map"
 
 
 class ContactMapPlanner(Planner):
@@ -48,24 +52,25 @@ class ContactMapPlanner(Planner):
                 grasps = replace(grasps, poses=root_pose(closed).cpu())
         fitted = time.perf_counter()
         rejected = {"diverged": grasps.status.count("diverged")}
+        grasps = replace(grasps, provenance={**grasps.provenance, "rejected": rejected})
         grasps = self._chosen(hand, obj, grasps, len(maps))
         seconds = {
             "generate": generated - started,
             "fit": fitted - generated,
             "rank": time.perf_counter() - fitted,
         }
-        return replace(
-            grasps, provenance={**grasps.provenance, "rejected": rejected, "seconds": seconds}
-        )
+        return replace(grasps, provenance={**grasps.provenance, "seconds": seconds})
 
     def _chosen(self, hand: HandModel, obj: ObjectModel, grasps: GraspSet, maps: int) -> GraspSet:
         """The best fit of each map that has one, best first."""
-        per_map = len(grasps) // max(1, maps)
-        finite = [i for i, status in enumerate(grasps.status) if status != "diverged"]
-        grasps = grasps.select(finite)
+        of_map = torch.arange(len(grasps)) // max(1, len(grasps) // max(1, maps))
+        grasps = replace(grasps, metrics={**grasps.metrics, MAP: of_map.float()})
+        sound = [i for i, status in enumerate(grasps.status) if status != "diverged"]
+        grasps = keep_above(hand, obj, grasps.select(sound))
         if self.options.rank == "stability":
             grasps = judged_by_stability(hand, obj, grasps, self.options.max_overlap_mm)
-        best: dict[int, int] = {}
+        best: dict[float, int] = {}
+        of_map = grasps.metrics[MAP].tolist()
         for index in grasps.energies["total"].argsort(stable=True).tolist():
-            best.setdefault(finite[index] // per_map, index)
+            best.setdefault(of_map[index], index)
         return grasps.select(list(best.values()))

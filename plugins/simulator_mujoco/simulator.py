@@ -26,8 +26,8 @@ class MujocoSimulator(WorldSimulator):
       the protocol's ``max_depenetration_velocity`` is not used.
     - Contacts are points, where PhysX has patches that resist a twist about their normal even in a
       protocol without torsional friction. In exchange torsional friction is simulated.
-    - Friction cones are MuJoCo's, convex: what slides also wants to part. An object that touches
-      fingers on both sides without being pressed may jam where Coulomb's would slip.
+    - Friction cones are MuJoCo's, convex: what slides also wants to part. That may be why objects
+      that fingers only just touch, unpressed, more often stay than in PhysX.
     """
 
     options: MujocoOptions

@@ -229,7 +229,7 @@ def test_every_command_has_help(run, command: tuple[str, ...]):
 
 def test_settings_are_explained_in_help(run):
     out = run("grasp", "--help").out
-    assert "name of a stability protocol, or a YAML file with one." in out
+    assert "name of a stability protocol, or a YAML file with one" in out
     assert "[dro-2024]" in out
     assert "[contact-map]" in out
 
@@ -248,6 +248,10 @@ def test_components_are_listed_with_their_options(run):
         "dfc",
         "contact-map",
         "sapien",
+        "mujoco",
+        "flow",
+        "graspcvae",
+        "unigrasp",
     ):
         assert name in out
     assert "particles = 32" not in out

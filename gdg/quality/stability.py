@@ -1,4 +1,4 @@
-"""How stable a fitted grasp promises to be, before any simulation."""
+"""How stable a planned grasp promises to be, before any simulation."""
 
 from __future__ import annotations
 
@@ -22,13 +22,20 @@ NO_CONTACT = 2.0
 def judged_by_stability(
     hand: HandModel, obj: ObjectModel, grasps: GraspSet, max_overlap_mm: float
 ) -> GraspSet:
-    """The grasps with ``metrics``, ``total`` energy by stability, and the fit's as ``fit``.
+    """The grasps with ``metrics`` and a ``total`` energy by stability; ``planned`` is the old total.
 
     The total is the grasp's margin of force closure, with its sign turned, plus a penalty for
     overlap by exact shapes. The margin is how far zero lies inside the grasp's wrench space
     (``epsilon``), or, negative, outside of it (``wrench_residual``). An object in unbalanced
-    contacts moves while the hand closes, which is what most fits fail by; one in an overlapping
-    hand is thrown out.
+    contacts moves while the hand closes, which is what most fits to contact maps fail by; one in an
+    overlapping hand is thrown out.
+
+    Args:
+        hand: the hand.
+        obj: the object.
+        grasps: of that hand on that object, with a ``total`` energy.
+        max_overlap_mm: overlap that costs nothing: of hand and object, of the hand's links, and of
+            hand and table.
     """
     measured = measure(hand, obj, grasps)
     m = measured.metrics
@@ -37,7 +44,7 @@ def judged_by_stability(
     excess = (overlap - max_overlap_mm).clamp(min=0).nan_to_num(nan=torch.inf)
     energies = {
         "total": OVERLAP_WEIGHT * excess - margin,
-        "fit": grasps.energies["total"],
+        "planned": grasps.energies["total"],
         **{name: values for name, values in grasps.energies.items() if name != "total"},
     }
     return replace(measured, energies=energies)
