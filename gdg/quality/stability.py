@@ -22,7 +22,7 @@ NO_CONTACT = 2.0
 def judged_by_stability(
     hand: HandModel, obj: ObjectModel, grasps: GraspSet, max_overlap_mm: float
 ) -> GraspSet:
-    """The grasps with ``metrics`` and ``total`` energies by stability; ``planned`` are the old ones.
+    """The grasps with ``metrics`` and ``total`` energies by stability; ``planned`` are the old.
 
     The total is the grasp's margin of force closure, with its sign turned, plus a penalty for
     overlap by exact shapes. The margin is how far zero lies inside the grasp's wrench space
