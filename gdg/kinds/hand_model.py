@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
@@ -180,6 +182,32 @@ class HandModel(ABC):
         """Pose vectors of a grasp set, (grasp, dof); optionally with other joint values."""
         values = grasps.joints if joints is None else joints
         return q_from_pose(grasps.poses, values).to(self.device)
+
+    def grasps_from(
+        self,
+        q: Float[Tensor, "grasp dof"],
+        object_name: str,
+        energies: Mapping[str, Float[Tensor, "grasp"]],
+        **rest: Any,
+    ) -> GraspSet:
+        """The grasp set of pose vectors, on the CPU: the inverse of ``q_of``.
+
+        Args:
+            q: pose vectors.
+            object_name: of the object.
+            energies: name -> value per grasp.
+            rest: further fields of ``GraspSet``.
+        """
+        return GraspSet(
+            hand=self.hand.name,
+            object_name=object_name,
+            joint_names=self.joint_names,
+            root_link=self.hand.spec.root_link,
+            poses=root_pose(q).cpu(),
+            joints=q[:, ROOT_DIM:].cpu(),
+            energies={name: values.cpu() for name, values in energies.items()},
+            **rest,
+        )
 
     def clamp(self, q: Float[Tensor, "batch dof"]) -> Float[Tensor, "batch dof"]:
         """q with joints moved into their limits."""

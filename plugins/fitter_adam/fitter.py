@@ -24,7 +24,6 @@ from gdg.penetration import (
     table_penetration,
 )
 from gdg.penetration.table import raised
-from gdg.rotations import ROOT_DIM, root_pose
 from gdg.scenes.reach import reachable
 
 from .options import AdamOptions
@@ -224,14 +223,10 @@ class AdamFitter(Fitter):
         self, hand: HandModel, obj: ObjectModel, maps: ContactMap, fitted: GraspBatch
     ) -> GraspSet:
         finite = torch.isfinite(fitted.energies["total"]) & torch.isfinite(fitted.q).all(-1)
-        return GraspSet(
-            hand=hand.hand.name,
-            object_name=obj.name,
-            joint_names=hand.joint_names,
-            root_link=hand.hand.spec.root_link,
-            poses=root_pose(fitted.q),
-            joints=fitted.q[:, ROOT_DIM:],
-            energies=fitted.energies,
+        return hand.grasps_from(
+            fitted.q,
+            obj.name,
+            fitted.energies,
             status=tuple("hit_limit" if ok else "diverged" for ok in finite),
             contact_values=fitted.contact_values,
             provenance={"maps": maps.provenance, "distance": self.distance.label},

@@ -20,7 +20,6 @@ from gdg.kinds.planner import Planner
 from gdg.objects.batch import ObjectBatch
 from gdg.objects.model import ObjectModel
 from gdg.penetration.table import raised
-from gdg.rotations import ROOT_DIM, root_pose
 
 from .annealed import AnnealedMala
 from .energy import Contacts, GraspEnergy, Terms
@@ -183,14 +182,10 @@ class DfcPlanner(Planner):
             "rejected": dict(search.rejected),
             "acceptance_rate": search.accepted_steps / max(1, search.proposed_steps),
         }
-        return GraspSet(
-            hand=hand.hand.name,
-            object_name=search.obj.name,
-            joint_names=hand.joint_names,
-            root_link=hand.hand.spec.root_link,
-            poses=root_pose(q),
-            joints=q[:, ROOT_DIM:],
-            energies={name: values[best] for name, values in energies.items()},
+        return hand.grasps_from(
+            q,
+            search.obj.name,
+            {name: values[best] for name, values in energies.items()},
             status=("converged",) * len(best),
             provenance=provenance,
         )

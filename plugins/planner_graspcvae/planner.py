@@ -21,7 +21,6 @@ from gdg.kinds.hand_model import HandModel
 from gdg.kinds.planner import Planner
 from gdg.kinds.trainable import BatchKind, Trainable
 from gdg.objects.model import ObjectModel
-from gdg.rotations import ROOT_DIM, root_pose
 from gdg.weights_files import WeightsFile
 
 from .adapt import Agreement
@@ -151,14 +150,10 @@ class GraspCvaePlanner(Planner, Trainable):
             "self_penetration": torch.cat([terms.self_penetration for terms in parts]),
             "penetration_depth_mm": torch.cat([1000 * terms.depth for terms in parts]),
         }
-        grasps = GraspSet(
-            hand=hand.hand.name,
-            object_name=obj.name,
-            joint_names=hand.joint_names,
-            root_link=hand.hand.spec.root_link,
-            poses=root_pose(q).cpu(),
-            joints=q[:, ROOT_DIM:].cpu(),
-            energies={name: values.cpu() for name, values in energies.items()},
+        grasps = hand.grasps_from(
+            q,
+            obj.name,
+            energies,
             # a regression ends by itself; the adaptation after its steps
             status=("hit_limit" if self.options.adapt else "converged",) * len(q),
             contact_values=torch.cat([terms.values for terms in parts]).cpu(),

@@ -20,7 +20,7 @@ from gdg.kinds.hand_model import HandModel
 from gdg.kinds.planner import Planner
 from gdg.kinds.trainable import BatchKind, Trainable
 from gdg.objects.model import ObjectModel
-from gdg.rotations import ROOT_DIM, root_pose
+from gdg.rotations import ROOT_DIM
 from gdg.weights_files import WeightsFile
 
 from .candidates import Candidates, candidates
@@ -138,14 +138,10 @@ class UniGraspPlanner(Planner, Trainable):
         }
         if self.options.close and len(q):
             q = close_until_touch(hand, obj, q)
-        grasps = GraspSet(
-            hand=hand.hand.name,
-            object_name=obj.name,
-            joint_names=hand.joint_names,
-            root_link=hand.hand.spec.root_link,
-            poses=root_pose(q).cpu(),
-            joints=q[:, ROOT_DIM:].cpu(),
-            energies={name: values.cpu() for name, values in energies.items()},
+        grasps = hand.grasps_from(
+            q,
+            obj.name,
+            energies,
             status=("converged",) * len(q),
             provenance={**provenance, "rejected": rejected},
         )

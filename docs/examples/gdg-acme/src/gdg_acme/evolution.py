@@ -187,14 +187,10 @@ class EvolutionFitter(Fitter):
             "penetration_depth_mm": 1000 * terms.depth,
         }
         finite = torch.isfinite(energies["total"]) & torch.isfinite(q).all(-1)
-        return GraspSet(
-            hand=hand.hand.name,
-            object_name=obj.name,
-            joint_names=hand.joint_names,
-            root_link=hand.hand.spec.root_link,
-            poses=root_pose(q).cpu(),
-            joints=q[:, ROOT_DIM:].cpu(),
-            energies={name: values.cpu() for name, values in energies.items()},
+        return hand.grasps_from(
+            q,
+            obj.name,
+            energies,
             status=tuple(
                 "diverged" if not ok else "converged" if end else "hit_limit"
                 for ok, end in zip(finite.tolist(), done.tolist())
