@@ -53,8 +53,8 @@ def train_command(method: Method, generator: str) -> str:
     else:
         name = method.weights
         _, _, unseen = name.partition("without-")
-        split = f"paper-without-{unseen}" if unseen else "paper"
-        words = f"generator={generator} distance={method.distance} split={split}"
+        split = f"split=paper-without-{unseen} exclude_hand={unseen}" if unseen else "split=paper"
+        words = f"generator={generator} distance={method.distance} {split}"
     return f"gdg train data=DATASET {words} out=runs/weights/{name}"
 
 

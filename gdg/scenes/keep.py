@@ -18,7 +18,7 @@ def keep_above(hand: HandModel, obj: ObjectModel, grasps: GraspSet) -> GraspSet:
     """The grasps whose hand is above the table that the object rests on, and comes from above it.
 
     By the exact collision shapes (``gdg.penetration.table``, ``gdg.scenes.above``). Those left out
-    are counted in ``provenance["rejected"]``, by reason. Without a table all are kept.
+    are added to the counts in ``provenance["rejected"]``, by reason. Without a table all are kept.
     """
     if obj.table is None or not len(grasps):
         return grasps
@@ -26,10 +26,8 @@ def keep_above(hand: HandModel, obj: ObjectModel, grasps: GraspSet) -> GraspSet:
     # a height that is not finite compares as False, so it is rejected
     above = hand_height(hand, obj.table, q) >= -ROUNDING_M
     reached = above & (approach_height(hand, obj.table, q) >= -ROUNDING_M)
-    rejected = {
-        **grasps.provenance.get("rejected", {}),
-        IN_TABLE: int((~above).sum()),
-        ON_THE_WAY: int((above & ~reached).sum()),
-    }
+    rejected = dict(grasps.provenance.get("rejected", {}))
+    for reason, failed in ((IN_TABLE, ~above), (ON_THE_WAY, above & ~reached)):
+        rejected[reason] = rejected.get(reason, 0) + int(failed.sum())
     kept = grasps.select(reached.nonzero()[:, 0].tolist())
     return replace(kept, provenance={**grasps.provenance, "rejected": rejected})

@@ -102,7 +102,8 @@ class ItemOrder:
         found = np.empty(stop - start, np.int64)
         for number, round_ in set(zip(number_of.tolist(), cycle.tolist(), strict=True)):
             here = (number_of == number) & (cycle == round_)
-            key = (self._seed, epoch, number, round_)
+            # from 1: a sequence that ends in zeros seeds as one without them
+            key = (self._seed, epoch, number + 1, round_ + 1)
             inside = permuted(position[here], int(self._sizes[number]), *key)
             found[here] = self._starts[number] + inside
         return found

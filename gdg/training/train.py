@@ -79,12 +79,12 @@ def run_training(
     validation = [group for group in groups if group.object_name in validating]
     if not train or (split.validation and not validation):
         raise GdgError("data: none of its grasps passed the simulation.")
-    facts = {"kind": kind, "hand": name, **_facts(job, choices, source, split)}
+    data = TrainingData(train, validation, job, learner.batch_kind, source.maker())
+    facts = {"kind": kind, "hand": name, **_facts(job, choices, source, split), "batch": data.batch}
     if is_first_process():
         _claim(out, facts)
         config = RunConfig(job=job, components=dict(choices)).as_tree()
         write_text_atomically(out / CONFIG_FILE, dump_yaml(config))
-    data = TrainingData(train, validation, job, learner.batch_kind, source.maker())
     fitted = fit(module, data, job, out)
     path = out / WEIGHTS_FILE
     if fitted.is_first:

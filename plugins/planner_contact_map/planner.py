@@ -20,7 +20,7 @@ from gdg.scenes.keep import keep_above
 
 from .options import ContactMapOptions
 
-#: Metric that says which of the generated maps, from 0, a grasp was fitted to.
+#: Passing metric that says which of the generated maps, from 0, a grasp was fitted to.
 MAP = "map"
 
 
@@ -69,8 +69,8 @@ class ContactMapPlanner(Planner):
         grasps = keep_above(hand, obj, grasps.select(sound))
         if self.options.rank == "stability":
             grasps = judged_by_stability(hand, obj, grasps, self.options.max_overlap_mm)
-        best: dict[float, int] = {}
-        of_map = grasps.metrics[MAP].tolist()
+        metrics, best = dict(grasps.metrics), dict[float, int]()
+        map_of = metrics.pop(MAP).tolist()
         for index in grasps.energies["total"].argsort(stable=True).tolist():
-            best.setdefault(of_map[index], index)
-        return grasps.select(list(best.values()))
+            best.setdefault(map_of[index], index)
+        return replace(grasps, metrics=metrics).select(list(best.values()))

@@ -117,6 +117,8 @@ class UniGraspPlanner(Planner, Trainable):
         """The grasps that meet every threshold, lowest total first."""
         sets = slice(0, len(q))
         index, cost, error = found.index[sets], found.cost[sets], found.force_closure[sets]
+        if self.options.close and len(q):
+            q = close_until_touch(hand, obj, q)
         terms = reach.terms(q, index)
         rejected = {"no force closure": found.rejected}
         good = torch.ones(len(q), dtype=torch.bool, device=q.device)
@@ -136,8 +138,6 @@ class UniGraspPlanner(Planner, Trainable):
             "limits": terms.limits,
             "penetration_depth_mm": 1000 * terms.depth,
         }
-        if self.options.close and len(q):
-            q = close_until_touch(hand, obj, q)
         grasps = hand.grasps_from(
             q,
             obj.name,

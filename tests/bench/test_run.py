@@ -114,7 +114,7 @@ def test_missing_weights_are_told_with_the_command_that_trains_them(
         assert row.row is None
         assert not row.failed
         assert row.note == f"weights missing: {train_command(method, 'cvae')}"
-    assert "distance=euclidean split=paper-without-nobody" in missing[0].note
+    assert "distance=euclidean split=paper-without-nobody exclude_hand=nobody" in missing[0].note
     assert "planner=other hand=two_jaws" in missing[1].note
     assert [claim.verdict for claim in bench.claims] == ["not tested"]
     write_bench(bench)

@@ -253,6 +253,8 @@ def test_a_grasp_from_above_is_kept_and_one_from_below_is_not(gripper_model, cub
     kept = keep_above(gripper_model, put(cube), grasps)
     assert kept.energies["total"].tolist() == [1.0]
     assert kept.provenance["rejected"] == {IN_TABLE: 1, ON_THE_WAY: 0}
+    again = keep_above(gripper_model, put(cube), kept)
+    assert again.provenance["rejected"] == {IN_TABLE: 1, ON_THE_WAY: 0}
     assert len(keep_above(gripper_model, cube, grasps)) == 2
 
 
