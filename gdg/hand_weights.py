@@ -13,6 +13,7 @@ from torch import nn
 from gdg.errors import GdgError
 from gdg.hands.hand import Hand
 from gdg.identity import body_hash
+from gdg.kinds.hand_model import HandModel
 from gdg.weights_files import (
     SUFFIX,
     WeightsFile,
@@ -68,6 +69,27 @@ class HandWeights:
             f"{hand.folder}: train them with '{self._train_command(hand)}' and give "
             f"planner.weights=PATH of the {SUFFIX} file that it writes."
         )
+
+    def hand_to_train(self, hand: HandModel | None) -> HandModel:
+        """The hand that ``Trainable.trainable`` was given.
+
+        Raises:
+            GdgError: there is none.
+        """
+        if hand is None:
+            raise GdgError(
+                f"planner '{self.planner}' is trained for one hand; write hand=<its name>."
+            )
+        return hand
+
+    def provenance(self, found: WeightsFile) -> dict[str, Any]:
+        """What a grasp set records of the planner's weights."""
+        return {
+            "planner": self.planner,
+            "weights": found.path.name,
+            "weights_sha256": found.sha256,
+            "training": found.metadata,
+        }
 
     def save(self, path: Path, network: nn.Module, hand: Hand, metadata: Mapping[str, Any]) -> None:
         """Writes a network's tensors in half precision, with the hand that they belong to.

@@ -21,8 +21,7 @@ def _row(p: Protocol) -> tuple[str, ...]:
         f"`{p.name}` v{p.version}",
         "; ".join([*_pushes(p), *_lift(p)]),
         _body(p),
-        f"{p.friction:g}"
-        + (f", torsional {p.torsional_friction:g} m" * bool(p.torsional_friction)),
+        _friction(p),
         "the hand's" if p.drive is None else f"{p.drive.stiffness:g} / {p.drive.damping:g}",
         _closing(p),
         ", ".join([*_limits(p), *_start_limits(p)]),

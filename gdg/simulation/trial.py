@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -105,7 +105,7 @@ def run_trial(
     lifted = NO_LIFT
     snapshot = world.save()
     if protocol.pushes is not None and (until == "end" or not failure):
-        diverged = _push_all(world, protocol, protocol.pushes, settled, until, pushes)
+        diverged = _push_all(world, protocol, protocol.pushes, settled, snapshot, until, pushes)
         failure = failure or push_failure(protocol, list(pushes.values()))
     if protocol.lift is not None and not diverged and (until == "end" or not failure):
         if protocol.pushes is not None:
@@ -157,11 +157,15 @@ def _push_all(
     protocol: Protocol,
     plan: Pushes,
     settled: ObjectState,
+    start: Any,
     until: Until,
     pushes: dict[str, Push],
 ) -> bool:
-    """Fills in the pushes up to ``until``; whether the simulation diverged in the one after."""
-    start, reference = world.save(), settled
+    """Fills in the pushes up to ``until``; whether the simulation diverged in the one after.
+
+    ``start`` is the world as saved when it had settled.
+    """
+    reference = settled
     for direction in plan.directions:
         if plan.order == "reset":
             world.restore(start)

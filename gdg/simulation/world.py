@@ -8,6 +8,9 @@ from typing import Any
 
 import numpy as np
 
+#: Where a hand is put that must not touch anything, metres along -x.
+FAR_AWAY = 10.0
+
 
 @dataclass(frozen=True)
 class ObjectState:
@@ -57,7 +60,12 @@ class GraspWorld(ABC):
     The object's frame is the world frame at the start of a trial. The hand's root is fixed. There
     is no gravity: weight and the acceleration of a lift are what ``step`` is given. A world may
     have a ``Table`` (``gdg.simulation.table``), which hand and object collide with.
+
+    Attributes:
+        actuated: number of the hand's actuated joints.
     """
+
+    actuated: int
 
     @abstractmethod
     def reset(self, T_object_root: np.ndarray, joints: np.ndarray, targets: np.ndarray) -> None:
@@ -71,9 +79,12 @@ class GraspWorld(ABC):
             targets: what the drives aim at, same order and units.
         """
 
-    @abstractmethod
     def reset_alone(self) -> None:
         """Starts a trial in which the object floats free of the hand."""
+        away = np.eye(4)
+        away[0, 3] = -FAR_AWAY
+        nowhere = np.zeros(self.actuated)
+        self.reset(away, nowhere, nowhere)
 
     @abstractmethod
     def step(self, count: int, acceleration: np.ndarray | None = None) -> None:

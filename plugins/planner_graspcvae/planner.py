@@ -13,7 +13,6 @@ from torch import Tensor
 from gdg.closure import close_until_touch
 from gdg.components import Options
 from gdg.data.grasps import GraspSet
-from gdg.errors import GdgError
 from gdg.hand_weights import HandWeights, load_network
 from gdg.kinds.distance import Distance
 from gdg.kinds.fitter import Progress
@@ -163,11 +162,8 @@ class GraspCvaePlanner(Planner, Trainable):
 
     def _provenance(self, weights: WeightsFile, seconds: dict[str, float]) -> dict[str, Any]:
         return {
-            "planner": "graspcvae",
+            **WEIGHTS.provenance(weights),
             "adapt": self.options.adapt,
-            "weights": weights.path.name,
-            "weights_sha256": weights.sha256,
-            "training": weights.metadata,
             "distance": self._distance.label,
             "seconds": seconds,
         }
@@ -179,9 +175,7 @@ class GraspCvaePlanner(Planner, Trainable):
         """Fresh networks for one hand; ``options`` matter to inference only."""
         from .module import GraspCvaeModule  # Lightning takes seconds to import
 
-        if hand is None:
-            raise GdgError("planner 'graspcvae' is trained for one hand; write hand=<its name>.")
-        return GraspCvaeModule(hand, learning_rate, seed)
+        return GraspCvaeModule(WEIGHTS.hand_to_train(hand), learning_rate, seed)
 
     @classmethod
     def export(cls, module: LightningModule, path: Path, metadata: Mapping[str, Any]) -> None:

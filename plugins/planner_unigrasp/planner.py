@@ -13,7 +13,6 @@ from torch import Tensor
 from gdg.closure import close_until_touch
 from gdg.components import Options
 from gdg.data.grasps import GraspSet
-from gdg.errors import GdgError
 from gdg.hand_weights import HandWeights, load_network
 from gdg.kinds.fitter import Progress
 from gdg.kinds.hand_model import HandModel
@@ -82,12 +81,9 @@ class UniGraspPlanner(Planner, Trainable):
             q = reach.solve(found.index, generator, report)
         seconds = {"generate": ranked - started, "fit": time.perf_counter() - ranked}
         provenance = {
-            "planner": "unigrasp",
+            **WEIGHTS.provenance(weights),
             "top": self.options.top,
             "fingers": list(fingers.names),
-            "weights": weights.path.name,
-            "weights_sha256": weights.sha256,
-            "training": weights.metadata,
             "seconds": seconds,
         }
         return self._reached(reach, hand, obj, q, found, count, provenance)
@@ -165,9 +161,7 @@ class UniGraspPlanner(Planner, Trainable):
         """A fresh network for one hand; ``options`` matter to inference only."""
         from .module import UniGraspModule  # Lightning takes seconds to import
 
-        if hand is None:
-            raise GdgError("planner 'unigrasp' is trained for one hand; write hand=<its name>.")
-        return UniGraspModule(hand, learning_rate, seed)
+        return UniGraspModule(WEIGHTS.hand_to_train(hand), learning_rate, seed)
 
     @classmethod
     def export(cls, module: LightningModule, path: Path, metadata: Mapping[str, Any]) -> None:

@@ -23,8 +23,6 @@ from .engine import OBJECT, ShapeMaker, Surface, new_spec, quiet, set_mass, set_
 from .hand import HandBodies
 from .options import MujocoOptions
 
-#: Where things are put that must not touch anything, metres along x.
-FAR_AWAY = 10.0
 #: All that the next step depends on.
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
@@ -77,6 +75,7 @@ class MujocoWorld(GraspWorld):
         self._kept = np.repeat([max(0.0, 1.0 - d * timestep) for d in dampings], 3)
         self._damped = any(dampings)
         self._coupled = hand
+        self.actuated = len(hand.spec.joints)
 
     def _add_object(
         self, obj: ObjectModel, spec: mujoco.MjSpec, shapes: ShapeMaker, protocol: Protocol
@@ -104,13 +103,6 @@ class MujocoWorld(GraspWorld):
         self._put_table_back()
         moving, aims = (all_joints(self._coupled, values) for values in (joints, targets))
         self.hand.place(self.data, T_object_root, moving, aims)
-
-    def reset_alone(self) -> None:
-        """Starts a trial in which the object floats free of the hand."""
-        away = np.eye(4)
-        away[0, 3] = -FAR_AWAY
-        nowhere = np.zeros(self._coupled.coupling[0].shape[1])
-        self.reset(away, nowhere, nowhere)
 
     def step(self, count: int, acceleration: np.ndarray | None = None) -> None:
         """Simulates ``count`` steps under a force of acceleration (m/s²) × mass at the centre."""

@@ -9,6 +9,7 @@ import numpy as np
 from gdg.hands.hand import Hand
 from gdg.objects.model import ObjectModel
 from gdg.protocols import Protocol
+from gdg.simulation.bodies import all_joints
 from gdg.simulation.mass import object_mass
 from gdg.simulation.table import Table
 from gdg.simulation.world import GraspWorld, ObjectState, Touch
@@ -27,8 +28,6 @@ from .engine import (
 )
 from .options import SapienOptions
 
-#: Where things are put that must not touch anything, metres along x.
-FAR_AWAY = 10.0
 #: Hand and object touch where a contact point is nearer than this (metres) or carries load.
 TOUCHING_GAP = 1e-5
 
@@ -60,7 +59,8 @@ class GraspScene(GraspWorld):
         self._table = None if table is None else KinematicTable(table, surface)
         if self._table is not None:
             self._entities.append(self._table.entity)
-        self._coupling = hand.coupling
+        self._coupled = hand
+        self.actuated = len(hand.spec.joints)
         self._scene, self._system = self._enter_new_scene()
 
     def _enter_new_scene(self) -> tuple[sapien.Scene, physx.PhysxCpuSystem]:
@@ -112,18 +112,8 @@ class GraspScene(GraspWorld):
         self._renew()
         zero = np.zeros(3, np.float32)
         self._place_object(sapien.Pose(), zero, zero)
-        self.hand.place(T_object_root, self._all_joints(joints), self._all_joints(targets))
-
-    def reset_alone(self) -> None:
-        """Starts a trial in which the object floats free of the hand."""
-        away = np.eye(4)
-        away[0, 3] = -FAR_AWAY
-        nowhere = np.zeros(self._coupling[0].shape[1])
-        self.reset(away, nowhere, nowhere)
-
-    def _all_joints(self, actuated: np.ndarray) -> np.ndarray:
-        matrix, offset = self._coupling
-        return matrix @ actuated + offset
+        moving, aims = (all_joints(self._coupled, values) for values in (joints, targets))
+        self.hand.place(T_object_root, moving, aims)
 
     def _place_object(self, pose: sapien.Pose, linear: np.ndarray, angular: np.ndarray) -> None:
         self._object_entity.pose = pose
