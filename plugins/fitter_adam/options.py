@@ -2,49 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
-
-from pydantic import Field
-
-from gdg.components import Options
-
-Weight = Annotated[float, Field(ge=0)]
+from gdg.fitting.options import FitOptions, Rate, Steps
 
 
-class AdamOptions(Options):
-    """Options of ``AdamFitter``.
+class AdamOptions(FitOptions):
+    """Options of ``AdamFitter``, beside those of every fit.
 
     Attributes:
-        particles: starts per contact map.
         steps: Adam steps.
         learning_rate: of every entry of q (metres, rot6d, radians).
-        search_every: nearest hand points are searched anew in every so-manieth step, and kept in
-            between; 1 is the paper's fit, exact in every step.
-        sharpen: sharpen the target map, as the distance's preset says.
-        start: ``sphere``: uniform rotations on the enclosing sphere (paper); ``surface``: palm
-            above the object's convex hull.
-        start_factor: enclosing radius × this is where the palm starts (``sphere``).
-        penetration: ``sdf``: Σ relu(−δ) (paper); ``nearest``: 100 × the release's nearest-point
-            mean.
-        penetration_weight: per metre of summed depth.
-        penetration_ramp: the weight grows geometrically by this factor over the fit, so that the
-            hand finds the contacts first and ends outside the object.
-        limit_weight: weight of the joint-limit norm E_n.
-        self_weight: weight of self-penetration, per metre; 0 leaves it out.
-        keep: how many particles of each map are returned, the lowest energies first; a planner
-            chooses among them. The paper keeps one.
     """
 
-    particles: Annotated[int, Field(ge=1, le=4096)] = 32
-    steps: Annotated[int, Field(ge=1)] = 100
-    learning_rate: Annotated[float, Field(gt=0)] = 5e-3
-    search_every: Annotated[int, Field(ge=1)] = 3
-    sharpen: bool = True
-    start: Literal["sphere", "surface"] = "sphere"
-    start_factor: Annotated[float, Field(gt=0)] = 1.0
-    penetration: Literal["sdf", "nearest"] = "sdf"
-    penetration_weight: Weight = 0.1
-    penetration_ramp: Annotated[float, Field(ge=1)] = 30.0
-    limit_weight: Weight = 1.0
-    self_weight: Weight = 1.0
-    keep: Annotated[int, Field(ge=1, le=4096)] = 8
+    steps: Steps = 100
+    learning_rate: Rate = 5e-3

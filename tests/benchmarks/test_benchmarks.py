@@ -29,10 +29,12 @@ from gdg_plugins.simulator_sapien.simulator import SapienSimulator
 from torch import Tensor
 
 from gdg.data.contact_map import ContactMap
+from gdg.data.grasps import GraspSet
 from gdg.folders import HANDS
 from gdg.hands.hand import load_hand
 from gdg.initial_poses import above_surface, around_sphere
 from gdg.kinds.distance import Distance
+from gdg.kinds.fitter import Fitter
 from gdg.kinds.hand_model import HandModel
 from gdg.nearest import EPSILON_M, nearest_hand_points
 from gdg.nearest.eager import nearest_exhaustive
@@ -43,7 +45,6 @@ from gdg.starts import prepare
 from gdg.testing.fixtures import StandInGenerator, model_of, quick_protocol
 
 PARTICLES, SURFACE_POINTS = 32, 1600
-ITERATIONS = 100
 CHAINS = 128
 
 
@@ -121,27 +122,32 @@ def test_nearest_points_of_the_aligned_distance(benchmark: Any, scene: Scene, se
 def test_fit_step(benchmark: Any, scene: Scene):
     benchmark.group = f"one step of the fit, {PARTICLES} particles"
     fitter = AdamFitter(AdamOptions(), distance=scene.distance)
-    targets = scene.maps.values.expand(PARTICLES, -1)
+    energy = fitter.energy(scene.hand, scene.obj, scene.maps)
+    maps = torch.zeros(PARTICLES, dtype=torch.long)
     probe = scene.q.clone().requires_grad_(True)
 
     def run() -> None:
         probe.grad = None
-        terms = fitter.terms(scene.hand, scene.obj, probe, targets)
-        fitter.total(terms, 0.5).sum().backward()
+        energy.total(energy.terms(probe, maps), 0.5).sum().backward()
 
     benchmark(run)
 
 
-def test_full_fit(benchmark: Any, scene: Scene):
-    benchmark.group = f"fit, {PARTICLES} particles × {ITERATIONS} iterations"
-    options = AdamOptions(particles=PARTICLES, steps=ITERATIONS)
-    fitter = AdamFitter(options, distance=scene.distance)
+@pytest.mark.parametrize("name", ["adam", "halving"])
+def test_full_fit(benchmark: Any, scene: Scene, name: str):
+    benchmark.group = f"fit of one map, {scene.hand.hand.name}"
+    record = get_registry().find("fitter", name)
+    fitter: Fitter = record.load()(record.options(), distance=scene.distance)
 
-    def run() -> None:
+    def run() -> GraspSet:
         generator = torch.Generator().manual_seed(0)
-        fitter.fit(scene.hand, scene.obj, scene.maps, generator)
+        return fitter.fit(scene.hand, scene.obj, scene.maps, generator)
 
-    benchmark.pedantic(run, rounds=2, warmup_rounds=0)
+    fitted = benchmark.pedantic(run, rounds=3, warmup_rounds=1)
+    energies = fitted.energies["total"]
+    benchmark.extra_info.update(
+        lowest_energy=energies.min().item(), energy_of_those_kept=energies.mean().item()
+    )
 
 
 def test_force_closure_step(benchmark: Any, scene: Scene):

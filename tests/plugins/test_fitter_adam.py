@@ -27,6 +27,8 @@ from gdg.rotations import ROOT_DIM, q_from_pose
 RELEASE = AlignedDistance(AlignedOptions())
 PAPER = AlignedDistance(AlignedOptions(preset="paper"))
 TRUE_CLOSE_M = OPEN_M - 0.0205
+#: One particle of the first map.
+FIRST = torch.zeros(1, dtype=torch.long)
 
 
 def fitter(**options: object) -> AdamFitter:
@@ -84,7 +86,8 @@ def test_from_the_papers_starts_the_map_is_approached(
 ):
     run = fitter()
     start = run._start(gripper_model, cube, 6, seeded(1))
-    before = run.terms(gripper_model, cube, start, maps.values.expand(6, -1)).contact
+    energy = run.energy(gripper_model, cube, maps)
+    before = energy.terms(start, torch.zeros(6, dtype=torch.long)).contact
     after = all_fitted.energies["contact"]
     best = int(all_fitted.energies["total"].argmin())
     assert after[best] < 0.65 * before.min()
@@ -113,9 +116,9 @@ def test_the_releases_penetration_can_be_chosen(
 ):
     deep = truth.clone()
     deep[:, -1] += 0.005
-    terms = fitter(penetration="nearest").terms(gripper_model, cube, deep, maps.values)
-    assert terms.penetration.item() > 0.01
-    clear = fitter(penetration="nearest").terms(gripper_model, cube, truth, maps.values)
+    energy = fitter(penetration="nearest").energy(gripper_model, cube, maps)
+    assert energy.terms(deep, FIRST).penetration.item() > 0.01
+    clear = energy.terms(truth, FIRST)
     assert clear.penetration.item() == 0
 
 
@@ -192,7 +195,8 @@ def test_the_best_particle_is_chosen_and_all_can_be_had(
 def test_splitting_the_maps_into_batches_keeps_their_order(
     gripper_model: HandModel, cube: ObjectModel, maps: ContactMap, monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr("gdg_plugins.fitter_adam.fitter.MAX_BATCH", 4)
+    held = len(cube.points) + len(gripper_model.surface.points)
+    monkeypatch.setattr("gdg.fitting.particles.MAX_POINTS", 4 * held)
     values = torch.cat((maps.values, torch.zeros_like(maps.values), torch.ones_like(maps.values)))
     reported: list[tuple[int, int]] = []
     found = fitter(particles=2, steps=3).fit(
@@ -314,11 +318,11 @@ def test_maps_of_an_unknown_distance_are_refused(
 def test_the_gradient_of_the_energy_equals_finite_differences(
     gripper_model: HandModel, cube: ObjectModel, maps: ContactMap, truth: Tensor
 ):
-    run = fitter()
+    fit = fitter().energy(gripper_model, cube, maps)
     q = truth + torch.tensor([0.002, 0.003, 0.001, 0.02, 0.01, -0.02, 0.01, 0.0, 0.01, 0.002])
 
     def energy(at: Tensor) -> Tensor:
-        return run.total(run.terms(gripper_model, cube, at, maps.values), 1.0).double().sum()
+        return fit.total(fit.terms(at, FIRST)).double().sum()
 
     moved = q.clone().requires_grad_(True)
     (gradient,) = torch.autograd.grad(energy(moved), moved)

@@ -13,6 +13,7 @@ from gdg_plugins.planner_dfc.planner import DfcPlanner
 from table_samples import BELOW_CUBE, gripper_looking, put
 
 from gdg.contact_maps import contact_map_of
+from gdg.data.contact_map import ContactMap
 from gdg.kinds.hand_model import HandModel
 from gdg.objects.model import ObjectModel
 from gdg.penetration.table import hand_height
@@ -40,10 +41,10 @@ def test_a_hand_fitted_to_a_map_from_below_ends_above_the_table(
 
 def test_a_fitted_hands_energy_counts_the_table(gripper_model: HandModel, cube: ObjectModel):
     q = gripper_looking((0.0, 0.0, 1.0), away=0.01)
-    targets = torch.zeros(1, len(cube.points))
-    fitter = AdamFitter(AdamOptions(), distance=DISTANCE)
-    free = fitter.terms(gripper_model, cube, q, targets)
-    placed = fitter.terms(gripper_model, put(cube), q, targets)
+    maps = ContactMap("cube", torch.zeros(1, len(cube.points)), DISTANCE.label)
+    fitter, first = AdamFitter(AdamOptions(), distance=DISTANCE), torch.zeros(1, dtype=torch.long)
+    free = fitter.energy(gripper_model, cube, maps).terms(q, first)
+    placed = fitter.energy(gripper_model, put(cube), maps).terms(q, first)
     assert placed.penetration.item() > free.penetration.item() + 1.0
     assert torch.equal(placed.contact, free.contact)
 

@@ -1,0 +1,125 @@
+"""The energy of a hand against contact maps (GenDexGrasp, Section III-C)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from gdg.fitting.options import FitOptions
+from gdg.kinds.distance import Distance
+from gdg.kinds.hand_model import HandModel
+from gdg.objects.model import ObjectModel
+from gdg.penetration import (
+    nearest_point_penetration,
+    penetration,
+    self_penetration,
+    table_penetration,
+)
+
+#: The release's weight of its mean penetration, per metre.
+NEAREST_WEIGHT = 100.0
+
+
+@dataclass(frozen=True)
+class Terms:
+    """Energy terms per particle; ``FitEnergy.total`` is their weighted sum.
+
+    Attributes:
+        contact: mean difference of the maps.
+        penetration: summed depth, metres.
+        depth: deepest point, metres.
+        limits: by how much joints exceed their limits, rad (m for prismatic joints).
+        self_penetration: summed overlap of links, metres.
+        values: the hand's own contact map.
+        hand_index: the hand point that each object point is nearest to.
+    """
+
+    contact: Float[Tensor, "batch"]
+    penetration: Float[Tensor, "batch"]
+    depth: Float[Tensor, "batch"]
+    limits: Float[Tensor, "batch"]
+    self_penetration: Float[Tensor, "batch"]
+    values: Float[Tensor, "batch object_point"]
+    hand_index: Int[Tensor, "batch object_point"]
+
+
+@dataclass(frozen=True)
+class FitEnergy:
+    """E = mean_i |C_i(q) − C*_i| + w_p E_p + w_n E_n + w_s E_self for particles of several maps.
+
+    Differences from the release: joint limits are in the gradient (as the paper writes), and the
+    penetration weight grows, since maps fitted with a constant one leave fingers 10 mm inside.
+    On a table, E_p counts what is below it too.
+
+    Attributes:
+        hand: what is fitted.
+        obj: the object.
+        points: where on the object the maps are compared; metres.
+        normals: outward unit normals there.
+        targets: the maps there, C*.
+        distance: what the hand's own map is measured with.
+        options: the weights.
+    """
+
+    hand: HandModel
+    obj: ObjectModel
+    points: Float[Tensor, "object_point 3"]
+    normals: Float[Tensor, "object_point 3"]
+    targets: Float[Tensor, "map object_point"]
+    distance: Distance
+    options: FitOptions
+
+    def on(self, chosen: Int[Tensor, "chosen_point"]) -> FitEnergy:
+        """The same with the maps compared at some of the points alone."""
+        return FitEnergy(
+            self.hand,
+            self.obj,
+            self.points[chosen],
+            self.normals[chosen],
+            self.targets[:, chosen],
+            self.distance,
+            self.options,
+        )
+
+    def terms(
+        self,
+        q: Float[Tensor, "batch dof"],
+        maps: Int[Tensor, "batch"],
+        hand_index: Int[Tensor, "batch object_point"] | None = None,
+    ) -> Terms:
+        """All terms of particles, each against its map; searches hand points unless given."""
+        poses = self.hand.link_poses(q)
+        surface = self.hand.place_surface(poses)
+        found = self.distance.to_hand(self.points, self.normals, surface, hand_index)
+        values = self.distance.contact_value(found.distance)
+        inside = penetration(self.hand, self.obj, poses)
+        summed = inside.summed
+        if self.options.penetration == "nearest":
+            summed = NEAREST_WEIGHT * nearest_point_penetration(self.obj, surface)
+            if self.obj.table is not None:
+                summed = summed + table_penetration(self.hand, [self.obj.table], poses)[0]
+        overlap = torch.zeros(len(q), device=q.device)
+        if self.options.self_weight > 0:
+            overlap = self_penetration(self.hand, poses)
+        return Terms(
+            contact=(values - self.targets[maps]).abs().mean(-1),
+            penetration=summed,
+            depth=inside.depth,
+            limits=self.hand.limit_violation(q),
+            self_penetration=overlap,
+            values=values,
+            hand_index=found.hand_index,
+        )
+
+    def total(self, terms: Terms, fraction: float = 1.0) -> Float[Tensor, "batch"]:
+        """Weighted sum at a fraction of the fit, 0 at its start and 1 at its end."""
+        ramp = self.options.penetration_ramp**fraction
+        return (
+            terms.contact
+            + self.options.penetration_weight * ramp * terms.penetration
+            + self.options.limit_weight * terms.limits
+            + self.options.self_weight * terms.self_penetration
+        )

@@ -1,0 +1,255 @@
+"""The fitter that particles descend in: many starts per map, the best of which are kept."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from gdg.contact_maps import values_on
+from gdg.data.contact_map import ContactMap
+from gdg.data.grasps import GraspSet
+from gdg.fitting.energy import FitEnergy
+from gdg.fitting.options import FitOptions
+from gdg.initial_poses import above_surface, around_sphere
+from gdg.kinds.distance import Distance
+from gdg.kinds.fitter import Fitter, Progress
+from gdg.kinds.hand_model import HandModel
+from gdg.objects.model import ObjectModel
+from gdg.penetration.table import raised
+from gdg.scenes.reach import reachable
+
+#: Points of object and hand that particles hold at once; bounds the memory at about 0.6 GB.
+MAX_POINTS = 256 * (2048 + 1600)
+#: Fitted hands end at least so high above a table, metres.
+TABLE_CLEARANCE_M = 0.001
+
+AnyOptions = TypeVar("AnyOptions", bound=FitOptions)
+
+
+@dataclass(frozen=True)
+class Round:
+    """Steps that some particles of each map take together.
+
+    Attributes:
+        particles: per map; the best of the round before.
+        steps: of Adam.
+        learning_rate: of every entry of q (metres, rot6d, radians).
+        points: at how many object points, chosen at random, maps are compared; None: at all.
+    """
+
+    particles: int
+    steps: int
+    learning_rate: float
+    points: int | None = None
+
+
+@dataclass(frozen=True)
+class Particles:
+    """Pose vectors, and the map that each is fitted to; equally many of each map, in order."""
+
+    q: Float[Tensor, "batch dof"]
+    maps: Int[Tensor, "batch"]
+
+    def split(self, size: int) -> list[Particles]:
+        """Parts of at most ``size`` particles."""
+        parts = zip(self.q.split(size), self.maps.split(size), strict=True)
+        return [Particles(q, maps) for q, maps in parts]
+
+    def select(self, rows: Int[Tensor, "kept"]) -> Particles:
+        """Some rows, in the given order."""
+        return Particles(self.q[rows], self.maps[rows])
+
+
+class ParticleFitter(Fitter, Generic[AnyOptions]):
+    """Adam on all of q, from many starts per map, in rounds of ever fewer particles.
+
+    On a table, contact is sought only where fingers get, and the hand is raised by what is left
+    below.
+    """
+
+    options: AnyOptions
+
+    def __init__(self, options: AnyOptions, *, distance: Distance):
+        super().__init__(options, distance=distance)
+
+    @abstractmethod
+    def rounds(self) -> Sequence[Round]:
+        """What the particles do; all of them take part in the first round."""
+
+    def fit(
+        self,
+        hand: HandModel,
+        obj: ObjectModel,
+        maps: ContactMap,
+        generator: torch.Generator,
+        progress: Progress | None = None,
+    ) -> GraspSet:
+        """The best particles of each map, in the order of the maps; see the interface."""
+        energy = self.energy(hand, obj, maps)
+        each = self.options.particles
+        particles = Particles(
+            self._start(hand, obj, each * len(maps), generator),
+            torch.arange(len(maps), device=hand.device).repeat_interleave(each),
+        )
+        rounds = [(one, energy.on(_some(energy, one.points, generator))) for one in self.rounds()]
+        steps = _Steps(rounds, len(maps), progress)
+        for one, coarse in rounds:
+            if one.particles < each:
+                energies = _judged(coarse, particles).energies["total"]
+                particles = particles.select(_best(energies, each, one.particles))
+                each = one.particles
+            parts = particles.split(_held_at_once(coarse))
+            moved = [_descend(coarse, part, one, steps) for part in parts]
+            particles = Particles(torch.cat(moved), particles.maps)
+            steps.before += one.steps
+        q = hand.clamp(particles.q)
+        if obj.table is not None:
+            q = raised(hand, obj.table, q, TABLE_CLEARANCE_M)
+        fitted = _judged(energy, Particles(q, particles.maps))
+        kept = fitted.select(_best(fitted.energies["total"], each, self.options.keep))
+        return self._grasps(hand, obj, maps, kept)
+
+    def energy(self, hand: HandModel, obj: ObjectModel, maps: ContactMap) -> FitEnergy:
+        """What a fit to these maps minimises.
+
+        Raises:
+            GdgError: as ``fit``.
+        """
+        targets = values_on(obj, maps, self.distance).to(hand.device)
+        if self.options.sharpen:
+            targets = self.distance.sharpen(targets)
+        if obj.table is not None:
+            targets = torch.where(reachable(obj), targets, 0.0)
+        return FitEnergy(hand, obj, obj.points, obj.normals, targets, self.distance, self.options)
+
+    def _start(self, hand: HandModel, obj: ObjectModel, count: int, g: torch.Generator) -> Tensor:
+        if self.options.start == "surface":
+            return above_surface(hand, obj, count, g)
+        return around_sphere(hand, obj, count, g, self.options.start_factor)
+
+    def _grasps(
+        self, hand: HandModel, obj: ObjectModel, maps: ContactMap, fitted: Judged
+    ) -> GraspSet:
+        finite = torch.isfinite(fitted.energies["total"]) & torch.isfinite(fitted.q).all(-1)
+        return hand.grasps_from(
+            fitted.q,
+            obj.name,
+            fitted.energies,
+            status=tuple("hit_limit" if ok else "diverged" for ok in finite),
+            contact_values=fitted.contact_values,
+            provenance={"maps": maps.provenance, "distance": self.distance.label},
+        )
+
+
+@dataclass(frozen=True)
+class Judged:
+    """Pose vectors with their energies and contact maps, on the CPU."""
+
+    q: Float[Tensor, "batch dof"]
+    energies: dict[str, Float[Tensor, "batch"]]
+    contact_values: Float[Tensor, "batch object_point"]
+
+    def select(self, rows: Int[Tensor, "kept"]) -> Judged:
+        """Some rows, in the given order."""
+        energies = {name: values[rows] for name, values in self.energies.items()}
+        return Judged(self.q[rows], energies, self.contact_values[rows])
+
+
+class _Steps:
+    """Counts steps: of the whole fit for the penetration weight, of all parts for people.
+
+    Attributes:
+        before: steps of the rounds that are done.
+    """
+
+    def __init__(
+        self,
+        rounds: Sequence[tuple[Round, FitEnergy]],
+        maps: int,
+        progress: Progress | None,
+    ):
+        self.before, self._all = 0, sum(one.steps for one, _ in rounds)
+        parts = [math.ceil(maps * one.particles / _held_at_once(coarse)) for one, coarse in rounds]
+        self._done = 0
+        self._total = sum(one.steps * count for (one, _), count in zip(rounds, parts, strict=True))
+        self._progress = progress
+
+    def fraction(self, step: int) -> float:
+        """How far the fit is in a step of the current round, from 0 to 1."""
+        return (self.before + step) / max(1, self._all - 1)
+
+    def advance(self) -> None:
+        """A part has taken one more step."""
+        self._done += 1
+        if self._progress is not None:
+            self._progress(self._done, self._total)
+
+
+def _descend(energy: FitEnergy, part: Particles, one: Round, steps: _Steps) -> Tensor:
+    """q of some particles after the steps of a round."""
+    if len(part.q) == 0:
+        return part.q
+    q = part.q.clone().requires_grad_(True)
+    optimiser = torch.optim.Adam([q], lr=one.learning_rate)
+    index = None
+    for step in range(one.steps):
+        optimiser.zero_grad()
+        known = None if step % energy.options.search_every == 0 else index
+        terms = energy.terms(q, part.maps, known)
+        index = terms.hand_index
+        energy.total(terms, steps.fraction(step)).sum().backward()
+        if q.grad is not None:  # a particle that diverged must not spoil the others
+            q.grad.nan_to_num_(nan=0.0, posinf=0.0, neginf=0.0)
+        optimiser.step()
+        steps.advance()
+    return q.detach()
+
+
+@torch.no_grad()
+def _judged(energy: FitEnergy, particles: Particles) -> Judged:
+    """Energies with an exact search and the final weights; those of lost particles are inf."""
+    energies: dict[str, list[Tensor]] = {}
+    values = []
+    for part in particles.split(_held_at_once(energy)):
+        terms = energy.terms(part.q, part.maps)
+        found = {
+            "total": energy.total(terms).nan_to_num(nan=float("inf")),
+            "contact": terms.contact,
+            "penetration": terms.penetration,
+            "limits": terms.limits,
+            "self_penetration": terms.self_penetration,
+            "penetration_depth_mm": 1000 * terms.depth,
+        }
+        for name, term in found.items():
+            energies.setdefault(name, []).append(term.cpu())
+        values.append(terms.values.cpu())
+    joined = {name: torch.cat(terms) for name, terms in energies.items()}
+    return Judged(particles.q.cpu(), joined, torch.cat(values))
+
+
+def _held_at_once(energy: FitEnergy) -> int:
+    """How many particles fit into memory together."""
+    return max(1, MAX_POINTS // (len(energy.points) + len(energy.hand.surface.points)))
+
+
+def _best(energies: Float[Tensor, "batch"], each: int, count: int) -> Int[Tensor, "kept"]:
+    """Rows of the lowest energies of each map that ``each`` rows in turn belong to."""
+    best = energies.reshape(-1, each).argsort(dim=-1, stable=True)[:, :count]
+    return (best + each * torch.arange(len(best), device=best.device)[:, None]).flatten()
+
+
+def _some(
+    energy: FitEnergy, count: int | None, generator: torch.Generator
+) -> Int[Tensor, "chosen"]:
+    """Indices of so many of the energy's points, drawn without repetition; all if it has fewer."""
+    points = len(energy.points)
+    if count is None or count >= points:
+        return torch.arange(points, device=energy.points.device)
+    return torch.randperm(points, generator=generator)[:count].to(energy.points.device)
