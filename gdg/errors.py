@@ -13,6 +13,10 @@ class GdgError(Exception):
     """
 
 
+class MissingWeights(GdgError):
+    """A component has no weights for what is asked of it; the message says how to get some."""
+
+
 class GdgErrors(GdgError):
     """Several mistakes found in one pass, so that the user can mend them all at once.
 

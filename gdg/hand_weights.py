@@ -10,10 +10,9 @@ from typing import Any
 import torch
 from torch import nn
 
-from gdg.errors import GdgError
+from gdg.errors import GdgError, MissingWeights
 from gdg.hands.hand import Hand
 from gdg.identity import body_hash
-from gdg.kinds.hand_model import HandModel
 from gdg.weights_files import (
     SUFFIX,
     WeightsFile,
@@ -52,7 +51,8 @@ class HandWeights:
         Bundled weights belong to a hand by its joints and shapes, whatever their file is called.
 
         Raises:
-            GdgError: there are none, they can't be read, or they belong to another hand.
+            MissingWeights: there are none.
+            GdgError: they can't be read, or they belong to another hand.
         """
         if given:
             found = self._read(find_weights(given, self.folder, "planner.weights"))
@@ -64,23 +64,11 @@ class HandWeights:
             if found.metadata["hand_body"] == body:
                 self._check_hand(found, hand)
                 return found
-        raise GdgError(
+        raise MissingWeights(
             f"planner '{self.planner}' has no weights for the hand '{hand.name}' in "
             f"{hand.folder}: train them with '{self._train_command(hand)}' and give "
             f"planner.weights=PATH of the {SUFFIX} file that it writes."
         )
-
-    def hand_to_train(self, hand: HandModel | None) -> HandModel:
-        """The hand that ``Trainable.trainable`` was given.
-
-        Raises:
-            GdgError: there is none.
-        """
-        if hand is None:
-            raise GdgError(
-                f"planner '{self.planner}' is trained for one hand; write hand=<its name>."
-            )
-        return hand
 
     def provenance(self, found: WeightsFile) -> dict[str, Any]:
         """What a grasp set records of the planner's weights."""

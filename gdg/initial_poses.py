@@ -7,12 +7,12 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from gdg.data.table import Table
 from gdg.geometry.mesh import sample_surface
 from gdg.kinds.hand_model import HandModel
 from gdg.objects.model import ObjectModel
 from gdg.penetration.table import raised
 from gdg.rotations import q_from_pose, random_rotations
-from gdg.simulation.table import Table
 
 #: Share of the way from the open to the closed posture within which joints start.
 LARGEST_CLOSURE = 0.5

@@ -78,25 +78,16 @@ class Rate:
         return {"k": self.k, "n": self.n, "share": self.share, "interval": list(self.interval)}
 
 
-def newcombe_interval(first: Rate, second: Rate) -> tuple[float, float]:
-    """95 % interval of the difference of two shares, first − second (Newcombe 1998, method 10).
-
-    The trials are taken to be independent. Where both rates are of the same objects, which makes
-    them rise and fall together, the interval is rather too wide than too narrow.
-    """
-    (low_1, high_1), (low_2, high_2) = first.interval, second.interval
-    difference = first.share - second.share
-    return (
-        difference - math.hypot(first.share - low_1, high_2 - second.share),
-        difference + math.hypot(high_1 - first.share, second.share - low_2),
-    )
-
-
-def mean_interval(values: Sequence[float]) -> tuple[float, float]:
+def mean_interval(values: Sequence[float], least_error: float = 0.0) -> tuple[float, float]:
     """95 % interval of the mean of what the values are drawn from (Student's t).
 
     NaN at both ends for fewer than two values. For rates over objects it says how far another
     choice of objects would move the mean, which the Wilson interval does not.
+
+    Args:
+        values: independent of each other.
+        least_error: standard error of the mean that is known from elsewhere; it counts where the
+            values scatter less, by chance or because all are equal.
     """
     from scipy.stats import t as student  # takes half a second to import
 
@@ -104,8 +95,18 @@ def mean_interval(values: Sequence[float]) -> tuple[float, float]:
     if count < 2:
         return math.nan, math.nan
     mean, error = float(np.mean(values)), float(np.std(values, ddof=1)) / math.sqrt(count)
+    error = max(error, least_error)
     half = float(student.ppf(0.975, count - 1)) * error
     return mean - half, mean + half
+
+
+def chance_error(rates: Sequence[Rate]) -> float:
+    """Standard error of the mean share of some rates, if it is chance alone that trials differ by.
+
+    Never 0: each rate is taken with a success and a failure more (Agresti & Caffo 2000).
+    """
+    more = [(rate.k + 1, rate.n + 2) for rate in rates]
+    return math.sqrt(sum(k * (n - k) / n**3 for k, n in more)) / max(1, len(more))
 
 
 def cohen_kappa(both: int, only_first: int, only_second: int, neither: int) -> float:

@@ -1,4 +1,4 @@
-"""How a grasp starts under a protocol: backed out of penetration, and closed by drive targets."""
+"""How a grasp starts under a protocol, backed out of penetration and closed, and is tested."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gdg.data.grasps import GraspSet
+from gdg.kinds.fitter import Progress
 from gdg.kinds.hand_model import HandModel
+from gdg.kinds.simulator import Simulator
 from gdg.objects.model import ObjectModel
 from gdg.penetration import penetration_depth
 from gdg.penetration.table import hand_height
@@ -19,6 +21,37 @@ from gdg.scenes.above import targets_above
 
 #: Positions tried on the way from the grasp to the open posture.
 BACK_OUT_STEPS = 40
+
+
+def simulated(
+    simulator: Simulator,
+    hand: HandModel,
+    obj: ObjectModel,
+    grasps: GraspSet,
+    protocol: Protocol,
+    refine: bool = True,
+    progress: Progress | None = None,
+) -> GraspSet:
+    """The grasps as planned, with verdicts and the drive targets that they were tested with.
+
+    Args:
+        simulator: tests them.
+        hand: the hand.
+        obj: the object, in its scene.
+        grasps: as planned.
+        protocol: the test.
+        refine: as of ``prepare``.
+        progress: called as the simulator advances.
+    """
+    prepared = prepare(hand, obj, grasps, protocol, refine)
+    # backing out needs targets of its own, so a simulator can't tell by them
+    refined = refine and protocol.refinement.step != "none"
+    verdicts = simulator.simulate(hand, obj, prepared, protocol, progress)
+    return replace(
+        grasps,
+        targets=prepared.targets,
+        verdicts=tuple(replace(verdict, refined=refined) for verdict in verdicts),
+    )
 
 
 def prepare(

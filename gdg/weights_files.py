@@ -20,7 +20,7 @@ from safetensors import torch as safetensors_torch
 from torch import Tensor
 
 from gdg.data.atomic import atomic_path
-from gdg.errors import GdgError, did_you_mean
+from gdg.errors import GdgError, MissingWeights, did_you_mean
 
 SUFFIX = ".safetensors"
 #: The metadata entry that holds the JSON text.
@@ -60,7 +60,8 @@ def find_weights(
         others: further suffixes -> what such a file is, for messages.
 
     Raises:
-        GdgError: there is no such name or file, or it has another suffix.
+        MissingWeights: no weights of that name are bundled.
+        GdgError: there is no such file.
     """
     path, others = Path(given).expanduser(), others or {}
     if path.suffix == SUFFIX or path.suffix in others:
@@ -74,7 +75,7 @@ def find_weights(
     wanted = "".join(
         [f"a {SUFFIX} file from 'gdg train'", *(f", or of {what}" for what in others.values())]
     )
-    raise GdgError(
+    raise MissingWeights(
         f"{option}: there are no bundled weights '{given}'.{hint} Give the path of {wanted}."
     )
 
@@ -93,6 +94,20 @@ def checked_bytes(path: Path) -> bytes:
         raise GdgError(f"{path}: can't be read: {error.strerror or error}") from error
 
 
+def read_metadata(path: Path) -> dict[str, Any]:
+    """What a weights file says of itself, the schema included; empty where it says nothing.
+
+    Raises:
+        GdgError: it is no readable safetensors file.
+    """
+    try:
+        with safetensors.safe_open(path, framework="pt") as stored:
+            metadata = json.loads((stored.metadata() or {}).get(METADATA_KEY, "null"))
+    except (safetensors.SafetensorError, OSError, ValueError) as error:
+        raise GdgError(f"{path}: is no readable safetensors file: {error}") from error
+    return metadata if isinstance(metadata, dict) else {}
+
+
 def read_weights(path: Path, schema: str, required: Mapping[str, str]) -> WeightsFile:
     """The tensors and metadata of a safetensors file; nothing in it is executed.
 
@@ -104,14 +119,11 @@ def read_weights(path: Path, schema: str, required: Mapping[str, str]) -> Weight
     Raises:
         GdgError: unreadable, too large, without metadata, or of another schema.
     """
-    content = checked_bytes(path)
+    content, known = checked_bytes(path), read_metadata(path)
     try:
-        with safetensors.safe_open(path, framework="pt") as stored:
-            metadata = json.loads((stored.metadata() or {}).get(METADATA_KEY, "null"))
         state = safetensors_torch.load(content)
-    except (safetensors.SafetensorError, OSError, ValueError, KeyError) as error:
+    except (safetensors.SafetensorError, ValueError, KeyError) as error:
         raise GdgError(f"{path}: is no readable safetensors file: {error}") from error
-    known = metadata if isinstance(metadata, dict) else {}
     for key, meaning in required.items():
         if not isinstance(known.get(key), str):
             raise GdgError(

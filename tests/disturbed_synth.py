@@ -61,7 +61,7 @@ class QuickPlanner(Planner):
 
 
 class QuickSimulator(Simulator):
-    def simulate(self, hand, obj, grasps, protocol, progress=None, table=None):
+    def simulate(self, hand, obj, grasps, protocol, progress=None):
         return tuple(self._verdict(bool(x > 0.43), protocol.label) for x in grasps.poses[:, 0, 3])
 
     def _verdict(self, success, label):

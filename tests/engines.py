@@ -21,7 +21,6 @@ from gdg.kinds.hand_model import HandModel
 from gdg.objects.model import ObjectModel
 from gdg.protocols import Protocol
 from gdg.simulation.simulator import WorldSimulator
-from gdg.simulation.table import Table
 from gdg.simulation.world import GraspWorld
 
 
@@ -75,12 +74,11 @@ class Engine(ABC):
         obj: ObjectModel,
         grasps: GraspSet,
         protocol: Protocol,
-        table: Table | None = None,
         **options: object,
     ) -> Verdict:
         """The verdict on one grasp."""
         simulator = self.simulator(**options)
-        (verdict,) = simulator.simulate(hand, obj, grasps, protocol, table=table)
+        (verdict,) = simulator.simulate(hand, obj, grasps, protocol)
         return verdict
 
 
@@ -100,7 +98,12 @@ class Sapien(Engine):
 
     def forces(self, world: GraspWorld) -> dict[str, float]:
         assert isinstance(world, GraspScene)
-        return world.forces()
+        impulses: dict[str, np.ndarray] = {}
+        for contact in world._contacts_of_object():
+            (link,) = (body.name for body in contact.bodies if body is not world.body)
+            total = np.sum([point.impulse for point in contact.points], axis=0)
+            impulses[link] = impulses.get(link, np.zeros(3)) + total
+        return {name: float(np.linalg.norm(v)) / world._timestep for name, v in impulses.items()}
 
     def link_poses(self, world: GraspWorld) -> dict[str, np.ndarray]:
         assert isinstance(world, GraspScene)
@@ -130,7 +133,18 @@ class Mujoco(Engine):
 
     def forces(self, world: GraspWorld) -> dict[str, float]:
         assert isinstance(world, MujocoWorld)
-        return world.forces()
+        forces: dict[str, np.ndarray] = {}
+        for number, other in world._contacts_of_object():
+            wrench = np.zeros(6)
+            mujoco.mj_contactForce(world.model, world.data, number, wrench)
+            frame = world.data.contact.frame[number].reshape(3, 3)
+            # on the second shape of the contact
+            second = world.model.geom_bodyid[world.data.contact.geom[number, 1]]
+            sign = 1.0 if second == world._body else -1.0
+            body = world.hand.bodies[world.hand.names.index(world.model.body(other).name)]
+            link = next(iter(body.Ts_body_link))
+            forces[link] = forces.get(link, np.zeros(3)) + sign * (frame.T @ wrench[:3])
+        return {name: float(np.linalg.norm(force)) for name, force in forces.items()}
 
     def link_poses(self, world: GraspWorld) -> dict[str, np.ndarray]:
         assert isinstance(world, MujocoWorld)

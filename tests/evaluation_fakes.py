@@ -79,12 +79,16 @@ class FakeSimulatorOptions(Options):
     broken: bool = False
 
 
+#: What the fake simulator can't simulate.
+LEFT_OUT = "The fake has no friction; the protocol's is left out."
+
+
 class FakeSimulator(Simulator):
     """Passes where x is small; grasps just below the limit pass in two of three trials."""
 
     options: FakeSimulatorOptions
 
-    def simulate(self, hand, obj, grasps, protocol, progress=None, table=None):
+    def simulate(self, hand, obj, grasps, protocol, progress=None):
         refined = grasps.targets is not None
         log(f"test {obj.name} {protocol.name} {refined}")
         if self.options.broken:
@@ -99,8 +103,9 @@ class FakeSimulator(Simulator):
         trials = (passed, passed, not passed if near else passed)
         failure = "" if passed else ("moved" if y < 0.8 else "lost-contact")
         verdict = make_verdict(
-            passed, failure=failure, protocol=label, engine="fake 1.0", shift_successes=trials
-        )
+            passed, failure=failure, protocol=label, engine="fake 1.0", shift_successes=trials,
+            left_out=(LEFT_OUT,),
+        )  # fmt: skip
         return replace(verdict, trials=5) if self.options.early else verdict
 
 

@@ -5,17 +5,14 @@ from __future__ import annotations
 import numpy as np
 import torch
 from gdg_plugins.simulator_sapien.options import SapienOptions
-from gdg_plugins.simulator_sapien.scene import GraspScene
 from gdg_plugins.simulator_sapien.simulator import SapienSimulator
 from gripper import OPEN_M
 
 from gdg.data.grasps import GraspSet
 from gdg.data.verdict import Verdict
-from gdg.hands.hand import Hand
 from gdg.kinds.hand_model import HandModel
 from gdg.objects.model import ObjectModel
 from gdg.protocols import Protocol, load_protocol
-from gdg.simulation.table import Table
 
 #: Height of the base under the middle of the object, so that the jaws close on its middle.
 BASE_BELOW_M = 0.035
@@ -66,22 +63,9 @@ def verdict_of(
     obj: ObjectModel,
     grasps: GraspSet,
     protocol: Protocol,
-    table: Table | None = None,
     **options: object,
 ) -> Verdict:
     """The verdict of PhysX on one grasp."""
     simulator = SapienSimulator(SapienOptions.model_validate(options))
-    (verdict,) = simulator.simulate(hand, obj, grasps, protocol, table=table)
+    (verdict,) = simulator.simulate(hand, obj, grasps, protocol)
     return verdict
-
-
-class Welded(SapienSimulator):
-    """Nails the object to the world."""
-
-    def build_world(
-        self, hand: Hand, obj: ObjectModel, protocol: Protocol, table: Table | None = None
-    ) -> GraspScene:
-        """A scene whose object can't move."""
-        scene = super().build_world(hand, obj, protocol, table)
-        scene.body.set_locked_motion_axes([True] * 6)
-        return scene

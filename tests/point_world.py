@@ -9,8 +9,6 @@ import numpy as np
 
 from gdg.simulation.world import GraspWorld, ObjectState, Touch
 
-UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
-
 
 @dataclass
 class PointWorld(GraspWorld):
@@ -19,12 +17,14 @@ class PointWorld(GraspWorld):
     Attributes:
         grip: largest acceleration that is held, per direction of the force, m/s².
         timestep: seconds.
+        turn: how far a force along a direction turns the object, which comes back without it, rad.
         drift: how far the object moves along x in the first step after a reset, metres.
         log: what was called, for order.
     """
 
     grip: dict[tuple[int, ...], float] = field(default_factory=dict)
     default_grip: float = math.inf
+    turn: dict[tuple[int, ...], float] = field(default_factory=dict)
     timestep: float = 0.01
     drift: float = 0.0
     log: list[str] = field(default_factory=list)
@@ -33,10 +33,12 @@ class PointWorld(GraspWorld):
     _center: np.ndarray = field(default_factory=lambda: np.zeros(3))
     _speed: np.ndarray = field(default_factory=lambda: np.zeros(3))
     _free: bool = False
+    _angle: float = 0.0
 
     def reset(self, T_object_root: np.ndarray, joints: np.ndarray, targets: np.ndarray) -> None:
         self.log.append("reset")
         self._center, self._speed, self._free = np.zeros(3), np.zeros(3), False
+        self._angle = 0.0
 
     def reset_alone(self) -> None:
         self.reset(np.eye(4), np.zeros(1), np.zeros(1))
@@ -50,13 +52,16 @@ class PointWorld(GraspWorld):
         way = tuple(int(value) for value in np.sign(np.round(force, 9)))
         if np.linalg.norm(force) > self.grip.get(way, self.default_grip) + 1e-9:
             self._free = True
+        self._angle = self.turn.get(way, 0.0)
         if self._free:
             for _ in range(count):
                 self._speed = self._speed + force * self.timestep
                 self._center = self._center + self._speed * self.timestep
 
     def object_state(self) -> ObjectState:
-        return ObjectState(self._center, UPRIGHT, self._speed, np.zeros(3))
+        half = self._angle / 2
+        quat_wxyz = np.array([math.cos(half), 0.0, math.sin(half), 0.0])
+        return ObjectState(self._center, quat_wxyz, self._speed, np.zeros(3))
 
     def touch(self) -> Touch:
         return Touch(not self._free, 0.0)

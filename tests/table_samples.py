@@ -9,9 +9,9 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gdg.data.scene import TableScene
+from gdg.data.table import Table
 from gdg.objects.model import ObjectModel
 from gdg.rotations import q_from_pose
-from gdg.simulation.table import Table
 
 #: Half the small cube's edge; the table below it; metres.
 HALF_CUBE_M = 0.02

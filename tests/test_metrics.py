@@ -18,12 +18,12 @@ from gdg.data.grasps import GraspSet
 from gdg.kinds.hand_model import HandModel
 from gdg.metrics import (
     Rate,
+    chance_error,
     cohen_kappa,
     direction_coverage,
     distinct_grasps,
     joint_diversity,
     mean_interval,
-    newcombe_interval,
     palm_directions,
     penetration_stats,
     wilson_interval,
@@ -82,38 +82,26 @@ def test_a_rate_knows_its_share_and_interval():
     assert Rate(math.nan, 5).interval == (0.0, 1.0)
 
 
-@pytest.mark.parametrize(
-    ("first", "second", "low", "high"),
-    [
-        # Newcombe 1998 (interval estimation for the difference), table II, method 10
-        ((56, 70), (48, 80), 0.0524, 0.3339),
-        ((9, 10), (3, 10), 0.1705, 0.8090),
-        ((6, 7), (2, 7), 0.0582, 0.8062),
-        ((5, 56), (0, 29), -0.0381, 0.1926),
-        ((0, 10), (0, 20), -0.1611, 0.2775),
-        ((10, 10), (0, 20), 0.6791, 1.0000),
-    ],
-)
-def test_difference_of_shares_matches_newcombe(first, second, low, high):
-    found = newcombe_interval(Rate(*first), Rate(*second))
-    assert found == pytest.approx((low, high), abs=5e-5)
-
-
-rates = st.integers(1, 300).flatmap(lambda n: st.builds(Rate, st.integers(0, n), st.just(n)))
-
-
-@given(rates, rates)
-def test_a_difference_lies_in_its_interval_and_turns_with_its_sides(first: Rate, second: Rate):
-    low, high = newcombe_interval(first, second)
-    assert -1 - 1e-9 <= low <= first.share - second.share <= high <= 1 + 1e-9
-    assert newcombe_interval(second, first) == pytest.approx((-high, -low))
-
-
 def test_the_interval_of_a_mean_is_student_s():
     # mean 3, standard error sqrt(2.5 / 5), t(0.975, 4) = 2.7764
     half = 2.7764 * math.sqrt(0.5)
     assert mean_interval([1.0, 2.0, 3.0, 4.0, 5.0]) == pytest.approx((3 - half, 3 + half), abs=1e-4)
     assert all(map(math.isnan, mean_interval([1.0])))
+
+
+@given(st.lists(st.floats(-1, 1), min_size=2, max_size=9), st.floats(0, 1))
+def test_the_interval_of_a_mean_is_never_narrower_than_a_known_error_makes_it(values, error):
+    low, high = mean_interval(values, error)
+    plain_low, plain_high = mean_interval(values)
+    assert low <= plain_low + 1e-9
+    assert high >= plain_high - 1e-9
+    assert high - low >= 2 * 1.96 * error  # Student's quantile is above the normal one
+
+
+def test_the_error_by_chance_is_that_of_independent_trials_and_never_nothing():
+    assert chance_error([Rate(500, 1000)]) == pytest.approx(math.sqrt(0.25 / 1002))
+    assert chance_error([Rate(500, 1000)] * 4) == pytest.approx(chance_error([Rate(500, 1000)]) / 2)
+    assert chance_error([Rate(2, 2)]) > chance_error([Rate(64, 64)]) > 0
 
 
 def test_kappa_is_cohen_s():

@@ -131,6 +131,18 @@ def test_nearest_point_form_is_zero_outside(slab: ObjectModel):
     assert nearest_point_penetration(slab, hand).item() == 0
 
 
+def test_nearest_point_form_is_that_of_all_pairs(slab: ObjectModel):
+    hand = 0.05 * torch.randn(3, 200, 3, generator=torch.Generator().manual_seed(0))
+    nearest = torch.cdist(hand, slab.points[None].expand(3, -1, -1)).argmin(-1)
+    way = slab.points[nearest] - hand
+    inside = (way * slab.normals[nearest]).sum(-1) > 0
+    expected = (way.norm(dim=-1) * inside).mean(-1)
+    torch.testing.assert_close(nearest_point_penetration(slab, hand), expected)
+    hand[1, 7] = torch.nan  # a hand that diverged spoils no other
+    found = nearest_point_penetration(slab, hand)
+    torch.testing.assert_close(found[[0, 2]], expected[[0, 2]])
+
+
 def test_nearest_point_form_pulls_points_out(slab: ObjectModel):
     hand = torch.tensor([[[0.0, 0.0, -0.02], [0.0, 0.0, 0.02]]], requires_grad=True)
     (gradient,) = torch.autograd.grad(nearest_point_penetration(slab, hand).sum(), hand)

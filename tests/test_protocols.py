@@ -90,7 +90,7 @@ TABLE = {
 def test_further_presets_carry_the_figures_of_their_sources(name: str):
     p = load_protocol(name)
     seconds, acceleration, amount, friction, gains, moved, turned = TABLE[name]
-    assert p.version == 1
+    assert p.version == (2 if name in OWN else 1)
     assert p.pushes is not None
     assert p.pushes.steps * p.timestep_ms / 1000 == pytest.approx(seconds)
     assert (p.pushes.acceleration, p.friction) == (acceleration, friction)
@@ -119,7 +119,7 @@ def test_what_tells_the_further_presets_apart():
 def test_our_own_presets_lift_by_a_hand_with_its_own_drives(name: str):
     p = load_protocol(name)
     assert p.lift is not None
-    assert (p.drive, p.friction, p.body.density) == (None, 0.8, 500)
+    assert (p.drive, p.shared_motors, p.friction, p.body.density) == (None, True, 0.8, 500)
     assert (p.body.linear_damping, p.body.angular_damping) == (0, 0)
     assert (p.lift.height_m, p.lift.gravity) == (0.1, 9.81)
     assert p.start.max_initial_penetration_m == p.start.max_penetration_m == 0.002
@@ -205,6 +205,32 @@ MISTAKES = {
         ("pushes: {acceleration: 0.5, steps: 100, order: sequential}", ""),
         "own.yaml: give pushes, lift or both: without a load every grasp holds",
     ),
+    "a share of no pushes": (
+        (
+            "pushes: {acceleration: 0.5, steps: 100, order: sequential}\n"
+            "success: {max_displacement_m: 0.02, measured: total, contact: true}",
+            "lift: {height_m: 0.1, steps: 100}\nsuccess: {contact: true, share: 0.5}",
+        ),
+        "own.yaml: success.share is one of pushes, and there are none; leave it out",
+    ),
+    "total of pushes that start anew": (
+        ("order: sequential", "order: reset"),
+        "own.yaml: success.measured: total needs pushes one after another",
+    ),
+    "total of a lift": (
+        (
+            "pushes: {acceleration: 0.5, steps: 100, order: sequential}",
+            "lift: {height_m: 0.1, steps: 100}",
+        ),
+        "own.yaml: success.measured: total needs pushes one after another",
+    ),
+    "gravity along a table": (
+        (
+            "friction: 3.0",
+            "friction: 3.0\nlift: {height_m: 0.1, steps: 100, support: table, direction: +x}",
+        ),
+        "lift: on a table gravity acts against its normal; leave direction out",
+    ),
     "pushes on a table": (
         ("friction: 3.0", "friction: 3.0\nlift: {height_m: 0.1, steps: 100, support: table}"),
         "own.yaml: an object on a table can't be pushed six ways; leave pushes out",
@@ -223,7 +249,7 @@ def test_mistakes_of_meaning_are_said_in_one_sentence(tmp_path: Path, mistake: s
 
 
 def test_directions_come_in_the_order_of_the_six(tmp_path: Path):
-    path = own(tmp_path, ("order: sequential", "order: reset, directions: ['-z', '+x']"))
+    path = own(tmp_path, ("order: sequential", "order: sequential, directions: ['-z', '+x']"))
     pushes = load_protocol(path).pushes
     assert pushes is not None
     assert pushes.directions == ("+x", "-z")

@@ -7,17 +7,20 @@ from dataclasses import replace
 import pytest
 import torch
 from conftest import build_model
+from grasp_samples import make_verdict
 from gripper import OPEN_M
 
+from gdg.components import NoOptions
 from gdg.data.grasps import GraspSet
 from gdg.hands.hand import find_hand
 from gdg.initial_poses import around_sphere
 from gdg.kinds.hand_model import HandModel
+from gdg.kinds.simulator import Simulator
 from gdg.objects.model import ObjectModel
 from gdg.penetration import penetration_depth
 from gdg.protocols import Protocol, Refinement, load_protocol
 from gdg.rotations import ROOT_DIM
-from gdg.starts import BACK_OUT_STEPS, backed_out, contact_aware_targets, prepare
+from gdg.starts import BACK_OUT_STEPS, backed_out, contact_aware_targets, prepare, simulated
 
 #: Joint value at which both jaws touch the bundled cube of 40 mm.
 TOUCHING_M = OPEN_M - 0.02
@@ -176,3 +179,24 @@ def test_backed_out_hands_close_to_where_they_were_fitted(
 def test_no_grasps_need_no_preparation(gripper_model: HandModel, cube: ObjectModel):
     none = replace(grasps_of(TOUCHING_M).select([]), provenance={"rejected": {"x": 1}})
     assert prepare(gripper_model, cube, none, protocol()) is none
+
+
+class Accepting(Simulator):
+    """Lets everything pass, and takes all that has targets for refined, as simulators do."""
+
+    def simulate(self, hand, obj, grasps, protocol, progress=None):
+        return (make_verdict(refined=grasps.targets is not None),) * len(grasps)
+
+
+@pytest.mark.parametrize("mode", ["as-fitted", "backed-out"])
+@pytest.mark.parametrize("step", ["none", "gradient"])
+@pytest.mark.parametrize("refine", [True, False])
+def test_verdicts_are_refined_where_the_refinement_closed_the_hand_and_nowhere_else(
+    gripper_model: HandModel, cube: ObjectModel, mode: str, step: str, refine: bool
+):
+    planned = grasps_of(TOUCHING_M + 0.003, TOUCHING_M)
+    test = protocol(GRADIENT.model_copy(update={"step": step}), mode)
+    found = simulated(Accepting(NoOptions()), gripper_model, cube, planned, test, refine)
+    assert {v.refined for v in found.verdicts} == {refine and step == "gradient"}
+    assert torch.equal(found.joints, planned.joints)
+    assert (found.targets is None) == (mode == "as-fitted" and not (refine and step == "gradient"))

@@ -84,12 +84,12 @@ def test_large_file_is_refused_before_it_is_read(
 
 
 def test_weights_are_found_by_bundled_name_or_path(tmp_path: Path) -> None:
-    write(tmp_path / "default.safetensors")
-    path = tmp_path / "default.safetensors"
-    assert find_weights("default", tmp_path, "generator.weights") == path
+    write(tmp_path / "full.safetensors")
+    path = tmp_path / "full.safetensors"
+    assert find_weights("full", tmp_path, "generator.weights") == path
     assert find_weights(str(path), tmp_path / "none", "generator.weights") == path
-    with pytest.raises(GdgError, match=r"no bundled weights 'defalt'.* Did you mean 'default'"):
-        find_weights("defalt", tmp_path, "generator.weights")
+    with pytest.raises(GdgError, match=r"no bundled weights 'ful'.* Did you mean 'full'"):
+        find_weights("ful", tmp_path, "generator.weights")
     with pytest.raises(GdgError, match=r"planner\.weights: there is no file 'no\.pth'"):
         find_weights("no.pth", tmp_path, "planner.weights", {".pth": "a released file"})
     with pytest.raises(GdgError, match=r"No weights are bundled.*'gdg train', or of a released"):

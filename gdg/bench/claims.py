@@ -1,13 +1,14 @@
-"""What becomes of the paper's claims: confirmed, refuted or undecided, by 95 % intervals."""
+"""What becomes of the paper's claims, judged object by object by 95 % intervals."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from gdg.bench.tables import Claim
-from gdg.evaluation.rows import Row
-from gdg.metrics import mean_interval, newcombe_interval
+from gdg.evaluation.rows import ObjectRow, Row
+from gdg.metrics import chance_error, mean_interval
 
 
 @dataclass(frozen=True)
@@ -18,8 +19,8 @@ class ClaimVerdict:
         claim: the claim.
         verdict: ``confirmed``: the whole interval lies above the claim's margin; ``refuted``: all
             of it lies below; ``undecided``; ``not tested``: a row is missing.
-        estimate: of the first row over the second, in the measure's unit.
-        interval: of the estimate.
+        estimate: of the first row over the second, mean over objects, in the measure's unit.
+        interval: of the estimate; NaN for fewer than two objects.
         settings: of the rows, where the table has several protocols or the like.
     """
 
@@ -40,33 +41,43 @@ class ClaimVerdict:
 
 
 def judge(claim: Claim, first: Row | None, second: Row | None, settings: str = "") -> ClaimVerdict:
-    """Compares two rows.
+    """Compares two rows, object by object.
 
-    Success: difference of two shares, Newcombe's interval. Diversity and speed: mean over the
-    objects that both rows have, Student's t interval, speed as the logarithm of the ratio.
+    What is judged is the mean, over the objects that both rows have, of the difference of success
+    shares, of the difference of diversities, or of the logarithm of the ratio of seconds, by its
+    Student t interval over objects. Grasps of one object succeed and fail together, so counting
+    all of a row as independent, as Wilson's interval of the row does, would be too sure; and both
+    rows have the same objects, easy and hard ones, which the pairing takes out.
+
+    Differences of success may be equal by chance, all of a few objects at 100 % for instance. The
+    interval is therefore at least as wide as grasps that were independent would make it. An
+    interval without any width (or of fewer than two objects) decides nothing.
     """
     if first is None or second is None:
         return ClaimVerdict(claim, "not tested", settings=settings)
-    if claim.measure == "success":
-        estimate = first.success.share - second.success.share
-        low, high = newcombe_interval(first.success, second.success)
-    else:
-        differences = _differences(claim, first, second)
-        estimate = sum(differences) / len(differences) if differences else math.nan
-        low, high = mean_interval(differences)
+    others = {one.name: one for one in second.objects}
+    pairs = [(one, others[one.name]) for one in first.objects if one.name in others]
+    differences = _differences(claim, pairs)
+    estimate = sum(differences) / len(differences) if differences else math.nan
+    sides = ([one.success for one, _ in pairs], [other.success for _, other in pairs])
+    chance = math.hypot(*map(chance_error, sides)) if claim.measure == "success" else 0.0
+    low, high = mean_interval(differences, chance)
     verdict = "undecided"
-    if low > claim.margin:
-        verdict = "confirmed"
-    elif high < claim.margin:
-        verdict = "refuted"
+    if low < high:
+        verdict = "confirmed" if low > claim.margin else verdict
+        verdict = "refuted" if high < claim.margin else verdict
     return ClaimVerdict(claim, verdict, estimate, (low, high), settings)
 
 
-def _differences(claim: Claim, first: Row, second: Row) -> list[float]:
-    """First over second, for each object that both have and where both are known."""
-    others = {one.name: one for one in second.objects}
-    pairs = [(one, others[one.name]) for one in first.objects if one.name in others]
-    if claim.measure == "diversity":
+#: An object of one row and the same of another.
+_Pair = tuple[ObjectRow, ObjectRow]
+
+
+def _differences(claim: Claim, pairs: Sequence[_Pair]) -> list[float]:
+    """First over second, for each object on which both are known."""
+    if claim.measure == "success":
+        values = [one.success.share - other.success.share for one, other in pairs]
+    elif claim.measure == "diversity":
         values = [one.diversity_rad - other.diversity_rad for one, other in pairs]
     else:
         values = [
@@ -82,7 +93,10 @@ def shown(claim: Claim, estimate: float, interval: tuple[float, float]) -> str:
     low, high = interval
     if math.isnan(estimate):
         return "no object on which both are known"
+    if math.isnan(low):
+        return "one object on which both are known"
     if claim.measure == "success":
+        low, high = max(low, -1.0), min(high, 1.0)
         return f"{100 * estimate:+.1f} points, 95 % {100 * low:+.1f} to {100 * high:+.1f}"
     if claim.measure == "diversity":
         return f"{estimate:+.3f} rad, 95 % {low:+.3f} to {high:+.3f}"

@@ -26,7 +26,8 @@ class BenchJob(EvalJob):
             that has them, else the bundled ones.
         n: grasps per object and seed; a method that finds fewer by design is asked for those.
         weights: folder with weights that are not bundled: NAME.safetensors, or
-            NAME/model.safetensors as gdg train out=FOLDER/NAME writes it.
+            NAME/model.safetensors as gdg train out=FOLDER/NAME writes it; NAME is the network's and
+            what it has seen, e.g. cvae-without-barrett.
         out: folder of the tables and of the cells that they share.
     """
 

@@ -14,6 +14,7 @@ from gdg.bench.tables import Published
 from gdg.data.atomic import write_text_atomically
 from gdg.data.json_values import finite_or_none
 from gdg.evaluation.figure import Bar, draw_bars
+from gdg.evaluation.rows import Row
 from gdg.evaluation.tables import (
     UNKNOWN,
     csv_text,
@@ -25,12 +26,13 @@ from gdg.evaluation.tables import (
     span,
     tree_of,
 )
-from gdg.metrics import Rate, newcombe_interval
 
 HEADER = (
     "method", "n", "success %", "95 %", "published", "ours − published", "trials %", "pass@1 %",
     "diversity rad", "published", "plan s", "simulate s", "published s", "note",
 )  # fmt: skip
+#: Of a row that the paper does not have.
+NOT_PUBLISHED = Published(math.nan)
 
 
 def table_rows(bench: Bench) -> list[list[str]]:
@@ -44,23 +46,23 @@ def short_rows(bench: Bench) -> list[list[str]]:
 
 
 def row_notes(bench: Bench) -> list[str]:
-    """Why rows have no numbers, a line each that can be copied."""
+    """Why rows have no numbers, or what is to be said of them, a line each that can be copied."""
     return [f"{name_of(row)}: {row.note}" for row in bench.rows if row.note]
 
 
 def _cells(bench_row: BenchRow) -> list[str]:
-    row, published = bench_row.row, bench_row.method.published
+    row, published = bench_row.row, bench_row.method.published or NOT_PUBLISHED
     success = [UNKNOWN] * 3
     spread, seconds = UNKNOWN, [UNKNOWN] * 2
     difference, more = UNKNOWN, [UNKNOWN] * 2
     if row is not None:
         success = [str(row.success.n), percent(row.success.share), span(row.success.interval)]
-        difference = _difference(row.success, published)
+        difference = _difference(row, published)
         more = [percent(row.trials.share), percent(row.first.share, 0)]
         spread = number(row.spread.joints_rad, 3)
         seconds = [number(row.seconds["plan"], 2), number(row.seconds["simulate"], 2)]
     return [
-        name_of(bench_row), *success, f"{published.success:.1f}", difference, *more, spread,
+        name_of(bench_row), *success, number(published.success, 1), difference, *more, spread,
         _digits(published.diversity_rad), *seconds, _seconds(published), bench_row.note,
     ]  # fmt: skip
 
@@ -70,16 +72,16 @@ def name_of(row: BenchRow) -> str:
     return " · ".join(filter(None, (row.method.label, row.settings)))
 
 
-def published_rate(published: Published) -> Rate:
-    """The published success as successes of trials."""
-    return Rate(round(published.success / 100 * published.n), published.n)
-
-
-def _difference(ours: Rate, published: Published) -> str:
-    """Points that we are above the paper, with their interval."""
-    low, high = newcombe_interval(ours, published_rate(published))
-    points = 100 * (ours.share - published_rate(published).share)
-    return f"{points:+.0f} ({100 * low:+.0f} to {100 * high:+.0f})"
+def _difference(ours: Row, published: Published) -> str:
+    """Points that we are above the paper, with the interval of our mean over objects."""
+    mean, low, high = (100 * share for share in ours.macro)
+    if math.isnan(published.success):
+        return UNKNOWN
+    points = f"{mean - published.success:+.0f}"
+    if math.isnan(low):
+        return points
+    low, high = (end - published.success for end in (max(low, 0.0), min(high, 100.0)))
+    return f"{points} ({low:+.0f} to {high:+.0f})"
 
 
 def _digits(value: float | None) -> str:
@@ -101,9 +103,11 @@ def notes(bench: Bench) -> list[str]:
     """How to read the table, and what it was measured on."""
     rows = [row.row for row in bench.rows if row.row is not None]
     return [
-        "Success counts grasps that were asked for and not found as failures. ours − published is "
-        "in points, with Newcombe's 95 % interval; the paper's numbers of grasps are inferred from "
-        "its digits. Diversity is the mean over objects. Claims are judged by 95 % intervals.",
+        "Success counts grasps that were asked for and not found as failures; its 95 % are "
+        "Wilson's, as if grasps were independent. ours − published is in points, with the 95 % "
+        "interval of our mean over objects; the published number is taken as it stands. Diversity "
+        "is the mean over objects. Claims are judged by 95 % intervals of differences object by "
+        "object.",
         *(measured_on(rows) if rows else []),
     ]
 
@@ -130,7 +134,7 @@ def write_bench(bench: Bench) -> list[Path]:
 
 
 def _line(row: BenchRow) -> dict[str, Any]:
-    published = row.method.published
+    published = row.method.published or NOT_PUBLISHED
     line: dict[str, Any] = {"method": row.method.label, "hand": row.method.hand}
     line |= {"settings": row.settings, "note": row.note}
     line |= {f"published_{name}": value for name, value in asdict(published).items()}
@@ -145,6 +149,9 @@ def _tree(bench: Bench) -> dict[str, Any]:
     return {
         "table": bench.table.name,
         "caption": bench.caption,
+        "weights": [
+            {"name": one.name, "sha256": one.sha256, "said": one.said} for one in bench.weights
+        ],
         "rows": [
             {
                 "method": asdict(row.method),
@@ -159,7 +166,7 @@ def _tree(bench: Bench) -> dict[str, Any]:
 
 
 def _bar(row: BenchRow) -> Bar:
-    published = row.method.published.success / 100
+    published = row.method.published and row.method.published.success / 100
     if row.row is None or math.isnan(row.row.success.share):
         return Bar(name_of(row), None, published=published, note=row.note.partition(":")[0])
     return Bar(name_of(row), row.row.success.share, row.row.success.interval, published)

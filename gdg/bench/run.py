@@ -10,13 +10,16 @@ from gdg.bench.assets import BenchObjects, bench_objects, told_hands
 from gdg.bench.claims import ClaimVerdict, judge
 from gdg.bench.job import NOT_SWEPT, QUICK, QUICK_OBJECTS, SET_BY_TABLE, BenchJob
 from gdg.bench.tables import SOURCE, BenchTable, Method
-from gdg.bench.weights import NO_WEIGHTS, MissingWeights, with_weights
-from gdg.config import RunConfig, compose
-from gdg.errors import GdgError, raise_if_any
+from gdg.bench.trained_on import RefusedWeights, TableObjects, check_weights
+from gdg.bench.weights import RowWeights, with_weights
+from gdg.config import ComponentChoice, RunConfig, compose
+from gdg.errors import GdgError, MissingWeights, raise_if_any
 from gdg.evaluation.cell import Cell, Result
 from gdg.evaluation.rows import Row, Tested, summarise
 from gdg.evaluation.run import Report, run_cells
+from gdg.identity import Assets
 from gdg.objects.splits import expand_split
+from gdg.pipeline.fingerprint import used_components
 from gdg.pipeline.jobs import DEFAULTS, EvalJob
 from gdg.registry import get_registry
 
@@ -29,8 +32,9 @@ class BenchRow:
         method: what the row is.
         row: our numbers; None where they could not be had.
         settings: what tells the rows of one method apart, or "".
-        note: why there are no numbers, or "".
-        failed: whether that is a mistake to mend, not weights that nobody has trained yet.
+        note: why there are no numbers, or what is to be said of them, or "".
+        failed: whether there are none by a mistake to mend, not by weights that nobody has trained
+            as the row needs them.
     """
 
     method: Method
@@ -48,7 +52,8 @@ class Bench:
         table: which.
         rows: in the paper's order.
         claims: what became of the paper's claims.
-        caption: hands, objects, n and the like, in sentences.
+        caption: hands, objects, weights, n and the like, in sentences.
+        weights: that its rows used, each once.
         folder: where it was written.
     """
 
@@ -56,6 +61,7 @@ class Bench:
     rows: tuple[BenchRow, ...]
     claims: tuple[ClaimVerdict, ...]
     caption: str
+    weights: tuple[RowWeights, ...]
     folder: Path
 
 
@@ -68,7 +74,8 @@ def run_bench(
 ) -> Bench:
     """Evaluates every row that has no result yet.
 
-    A row whose weights or planner are missing says so in its note, and others don't suffer.
+    A row whose weights or planner are missing, or whose weights were trained otherwise than the row
+    says, says so in its note, and others don't suffer.
 
     Args:
         table: which.
@@ -84,14 +91,18 @@ def run_bench(
     job = _job(files, given)
     objects = _objects(given, quick)
     given.append(objects.word)
-    prepared = [_prepare(method, job, files, given, quick) for method in table.methods]
+    assets = Assets()
+    prepared = [_prepare(method, job, files, given, quick, assets) for method in table.methods]
     configs = [config for row in prepared for config in row.configs]
     results, mistakes = run_cells(configs, report) if configs else ([], [])
     raise_if_any(list(dict.fromkeys(mistakes)))
     by_key, folder = {result.cell.key: result for result in results}, Path(job.out)
-    rows = [row for one in prepared for row in _rows(one, folder, by_key)]
-    caption = _caption(table, job, objects, rows, quick)
-    return Bench(table, tuple(rows), tuple(_claims(table, rows)), caption, folder)
+    made = [(one, _rows(one, folder, by_key)) for one in prepared]
+    measured = [one for one, rows in made if rows[0].row is not None]
+    rows = tuple(row for _, rows in made for row in rows)
+    caption = _caption(table, job, objects, rows, measured, quick)
+    claims = tuple(_claims(table, rows))
+    return Bench(table, rows, claims, caption, _weights_of(measured), folder)
 
 
 def _job(files: Sequence[Path], words: Sequence[str]) -> BenchJob:
@@ -116,15 +127,21 @@ def _objects(words: Sequence[str], quick: bool) -> BenchObjects:
 
 @dataclass(frozen=True)
 class _Prepared:
-    """The configs of a row; or none, and why there are none."""
+    """The configs of a row with the weights that they use; or none, and why there are none."""
 
     method: Method
     configs: tuple[RunConfig, ...] = ()
+    weights: tuple[RowWeights, ...] = ()
     note: str = ""
 
 
 def _prepare(
-    method: Method, job: BenchJob, files: Sequence[Path], words: Sequence[str], quick: bool
+    method: Method,
+    job: BenchJob,
+    files: Sequence[Path],
+    words: Sequence[str],
+    quick: bool,
+    assets: Assets,
 ) -> _Prepared:
     registry = get_registry()
     try:
@@ -132,15 +149,33 @@ def _prepare(
     except GdgError as error:
         return _Prepared(method, note=f"planner missing: {error}")
     n = min(job.n, method.most or job.n)
-    own = [*method.words, f"hand={method.hand}", f"n={n}"]
-    composed = compose(
-        BenchJob, registry, DEFAULTS, files, [*words, *(method.quick if quick else ()), *own]
-    )
+    own = [*(method.quick if quick else ()), *method.words, f"hand={method.hand}", f"n={n}"]
+    given = [word for word in words if _group(word) not in method.fixed]
+    composed = compose(BenchJob, registry, DEFAULTS, files, [*given, *own])
+    if method.fixed:
+        plain = compose(BenchJob, registry, DEFAULTS, (), own)[0].components
+        fixed = {key: plain[key] for key in method.fixed}
+        composed = [_with_components(config, fixed) for config in composed]
     try:
-        configs = [with_weights(method, _as_eval(config), job.weights) for config in composed]
+        pairs = [with_weights(method, _as_eval(config), job.weights, assets) for config in composed]
+        found = {weights.path: weights for _, weights in pairs if weights is not None}
+        objects = TableObjects.of(composed, assets)
+        notes = [check_weights(method, one, objects, assets) for one in found.values()]
     except MissingWeights as error:
         return _Prepared(method, note=f"weights missing: {error}")
-    return _Prepared(method, tuple(configs))
+    except RefusedWeights as error:
+        return _Prepared(method, note=f"weights refused: {error}")
+    configs = tuple(config for config, _ in pairs)
+    return _Prepared(method, configs, tuple(found.values()), " ".join(filter(None, notes)))
+
+
+def _with_components(config: RunConfig, choices: dict[str, ComponentChoice]) -> RunConfig:
+    return config.model_copy(update={"components": {**config.components, **choices}})
+
+
+def _group(word: str) -> str:
+    """The component group, or the job's field, that a setting is of."""
+    return word.partition("=")[0].partition(".")[0].strip()
 
 
 def _as_eval(config: RunConfig) -> RunConfig:
@@ -158,11 +193,9 @@ def _rows(prepared: _Prepared, folder: Path, results: dict[str, Result]) -> list
     for config in prepared.configs:
         result = results[Cell.of(config, folder).key]
         if result.grasps is None:
-            lacking = any(words in result.error for words in NO_WEIGHTS)
-            what = "weights missing" if lacking else "failed"
-            return [BenchRow(method, note=f"{what}: {result.error}", failed=not lacking)]
+            return [BenchRow(method, note=f"failed: {result.error}", failed=True)]
         tested.append((config, result.grasps))
-    return [BenchRow(method, row, _settings(row)) for row in summarise(tested)]
+    return [BenchRow(method, row, _settings(row), prepared.note) for row in summarise(tested)]
 
 
 def _settings(row: Row) -> str:
@@ -180,18 +213,44 @@ def _claims(table: BenchTable, rows: Sequence[BenchRow]) -> list[ClaimVerdict]:
 
 
 def _caption(
-    table: BenchTable, job: BenchJob, objects: BenchObjects, rows: Sequence[BenchRow], quick: bool
+    table: BenchTable,
+    job: BenchJob,
+    objects: BenchObjects,
+    rows: Sequence[BenchRow],
+    measured: Sequence[_Prepared],
+    quick: bool,
 ) -> str:
     protocols = dict.fromkeys(row.row.protocol for row in rows if row.row is not None)
     seeds = max((row.row.seeds for row in rows if row.row is not None), default=1)
+    weights = ", ".join(map(str, _weights_of(measured)))
     parts = [
+        "QUICK: this shows that all runs; its numbers are no results." if quick else "",
         f"{table.title}.",
         f"Hands: {told_hands([method.hand for method in table.methods])}.",
         f"Objects: {objects.told}; grasps: {job.n} per object and seed at most, {seeds} "
         f"seed{'' if seeds == 1 else 's'}.",
         f"Protocol: {', '.join(protocols) or job.protocol}.",
+        _told_maps([config for one in measured for config in one.configs]),
+        f"Weights: {weights}." if weights else "",
         f"Published: {SOURCE}, in Isaac Gym.",
     ]
-    if quick:
-        parts.insert(0, "QUICK: this shows that all runs; its numbers are no results.")
-    return " ".join(parts)
+    return " ".join(filter(None, parts))
+
+
+def _weights_of(measured: Sequence[_Prepared]) -> tuple[RowWeights, ...]:
+    """The weights that rows used, each once."""
+    return tuple({one.path: one for row in measured for one in row.weights}.values())
+
+
+def _told_maps(configs: Sequence[RunConfig]) -> str:
+    """Generators, fitters and rankings of the rows that go by contact maps, or ""."""
+    made = [config for config in configs if "generator" in used_components(config)]
+    if not made:
+        return ""
+    names = [
+        ", ".join(dict.fromkeys(config.components[key].record.name for config in made))
+        for key in ("generator", "fitter")
+    ]
+    options = [config.components["planner"].options for config in made]
+    ranks = ", ".join(dict.fromkeys(str(getattr(one, "rank", "none")) for one in options))
+    return f"Contact maps from: {names[0]}; fitted by: {names[1]}; ranked by: {ranks}."

@@ -33,7 +33,8 @@ def bench(table: str, settings: tuple[str, ...], files: tuple[Path, ...], quick:
     """Print a table of the paper with our numbers beside the published ones.
 
     Rows are evaluated as by gdg eval; finished cells are kept and shared by all tables. Writes
-    TABLE.md, .csv, .json and .png. A row whose weights are not there says how to train them.
+    TABLE.md, .csv, .json and .png. A row whose weights are not there says how to train them, and
+    one whose weights were trained otherwise than the row says gets no numbers.
     """
     chosen = find_table(table)
     from gdg.bench.output import (

@@ -22,6 +22,7 @@ def grasp(settings: tuple[str, ...], files: tuple[Path, ...]) -> None:
     from rich.console import Console
 
     from gdg.cli.progress import BarStages, bars
+    from gdg.data.verdict import left_out_of
     from gdg.pipeline.grasp import OUTPUTS, run_grasp
     from gdg.report.table import summary_line, verdict_table
 
@@ -35,6 +36,8 @@ def grasp(settings: tuple[str, ...], files: tuple[Path, ...]) -> None:
     else:
         console.print(verdict_table(run.grasps))
         console.print(summary_line(run.grasps), markup=False)
+    for sentence in left_out_of(run.grasps.verdicts):
+        console.print(f"Note on the test: {sentence}", markup=False)
     for note in run.grasps.provenance.get("object_notes", ()):
         console.print(f"Note on {run.grasps.object_name}: {note}.", markup=False)
     if 0 < len(run.grasps) < config.job.n:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from gdg.simulation.table import Table
+from gdg.data.table import Table
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -36,8 +36,9 @@ class Verdict:
         rotation_rad: object rotation per push direction, radians.
         drift_m: how far the object moved while the hand closed and settled, metres.
         contact_kept: whether hand and object still touched after each push.
-        penetration_start_mm: largest overlap of hand and object before the test, millimetres,
-            by the object's signed distance at the hand's surface points and inscribed spheres.
+        penetration_start_mm: largest overlap of the hand with the object, or the table that it
+            rests on, before the test, millimetres, by the signed distance at the hand's surface
+            points and inscribed spheres.
         penetration_end_mm: the solver's largest overlap after settling, millimetres.
         free_displacement_m: how far the same object moves in one push without any hand.
         shift_successes: successes over trials in which the hand was shifted a little; the
@@ -114,6 +115,11 @@ def stable_share(verdicts: Sequence[Verdict]) -> float:
     if not verdicts or any(verdict.decided_early for verdict in verdicts):
         return math.nan
     return sum(bool(verdict.stable) for verdict in verdicts) / len(verdicts)
+
+
+def left_out_of(verdicts: Iterable[Verdict]) -> tuple[str, ...]:
+    """What engines left out of protocols, each sentence once."""
+    return tuple(dict.fromkeys(one for verdict in verdicts for one in verdict.left_out))
 
 
 def _from_json(value: Any) -> Any:

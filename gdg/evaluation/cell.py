@@ -40,7 +40,7 @@ class Cell:
             GdgError: hand, object or protocol can't be found, or the protocol is not for the scene.
         """
         job: EvalJob = config.job
-        check_protocol(load_protocol(job.protocol), job.scene)
+        check_protocol(load_protocol(job.protocol), job.scene == "tabletop")
         n = job.n
         return cls(config, fingerprint(config, n), plan_fingerprint(config, n), folder)
 

@@ -11,17 +11,17 @@ from typing import Any
 
 from gdg.config import RunConfig
 from gdg.data.grasps import GraspSet
-from gdg.data.verdict import Verdict, stable_share
+from gdg.data.verdict import Verdict, left_out_of, stable_share
 from gdg.evaluation.spread import Spread, diversity, pooled, spread_of
-from gdg.metrics import Rate, mean_interval
+from gdg.metrics import Rate, chance_error, mean_interval
 
 #: Settings that tell no rows apart: what is pooled, and how the work is shared.
 POOLED = frozenset(
     ("object", "seed", "out", "engine", "workers", "threads", "ray_address", "cell_timeout_s")
 )
-#: Stages whose seconds are told apart. ``plan`` is all of planning, ``generate`` and ``fit`` are
-#: parts of it where the planner tells them.
-STAGES = ("generate", "fit", "plan", "measure", "simulate")
+#: Stages whose seconds are told apart. ``plan`` is all of planning; the four before it are parts of
+#: it where the planner tells them.
+STAGES = ("generate", "fit", "close", "rank", "plan", "measure", "simulate")
 
 #: A config and its tested grasps.
 Tested = tuple[RunConfig, GraspSet]
@@ -56,7 +56,8 @@ class Row:
         seeds: how many.
         success: grasps that passed by the majority of their trials, of those asked for; one that
             the planner did not find counts as a failure.
-        macro: mean of the objects' success rates, and its 95 % interval over objects.
+        macro: mean of the objects' success rates, and its 95 % interval over objects, at least as
+            wide as chance makes it.
         trials: the mean over trials in which the hand was shifted a little, of all grasps asked
             for; k is NaN where the simulator left trials out.
         stable: share of grasps whose verdict was the same in all trials; NaN likewise.
@@ -72,6 +73,7 @@ class Row:
         objects: the same by object.
         hardware: what the seconds were measured on.
         load: processes per core meanwhile, at most; more than 1 makes the seconds upper bounds.
+        left_out: what the engines can't simulate of the protocol, a sentence each.
     """
 
     settings: dict[str, str]
@@ -94,6 +96,7 @@ class Row:
     objects: tuple[ObjectRow, ...]
     hardware: tuple[str, ...] = ()
     load: float = field(default=math.nan)
+    left_out: tuple[str, ...] = ()
 
 
 def summarise(cells: Sequence[Tested]) -> list[Row]:
@@ -126,7 +129,6 @@ def row_of(settings: dict[str, str], cells: Sequence[Tested]) -> Row:
     total = sum(asked)
     by_object = _by_object(cells)
     objects = tuple(_object_row(name, members) for name, members in by_object.items())
-    rates = [row.success.share for row in objects]
     counts = sorted(set(asked))
     return Row(
         settings=settings,
@@ -135,7 +137,7 @@ def row_of(settings: dict[str, str], cells: Sequence[Tested]) -> Row:
         n=str(counts[0]) if len(counts) == 1 else f"{counts[0]}–{counts[-1]}",
         seeds=len({config.job.seed for config, _ in cells}),
         success=Rate(sum(v.success for v in verdicts), total),
-        macro=(sum(rates) / len(rates), *mean_interval(rates)),
+        macro=_macro([row.success for row in objects]),
         trials=Rate(_trial_successes(verdicts), total),
         stable=stable_share(verdicts),
         first=Rate(sum(g.verdicts[0].success for g in sets if g.verdicts), len(sets)),
@@ -149,7 +151,13 @@ def row_of(settings: dict[str, str], cells: Sequence[Tested]) -> Row:
         objects=objects,
         hardware=_measured_on(sets)[0],
         load=_measured_on(sets)[1],
+        left_out=left_out_of(verdicts),
     )
+
+
+def _macro(rates: Sequence[Rate]) -> tuple[float, float, float]:
+    shares = [rate.share for rate in rates]
+    return sum(shares) / len(shares), *mean_interval(shares, chance_error(rates))
 
 
 def _by_object(cells: Sequence[Tested]) -> dict[str, list[Tested]]:

@@ -103,7 +103,7 @@ def markdown(rows: Sequence[Row]) -> str:
 
 
 def measured_on(rows: Sequence[Row]) -> list[str]:
-    """Sentences about engines and hardware."""
+    """Sentences about engines, what they leave out, and hardware."""
     engines = dict.fromkeys(engine for row in rows for engine in row.engines)
     machines = dict.fromkeys(machine for row in rows for machine in row.hardware)
     loads = [row.load for row in rows if math.isfinite(row.load)]
@@ -115,7 +115,8 @@ def measured_on(rows: Sequence[Row]) -> list[str]:
         )
     return [
         f"Seconds are per grasp asked for. Engines: {', '.join(engines) or 'none'}. "
-        f"Hardware: {'; '.join(machines) or 'unknown'}.{busy}"
+        f"Hardware: {'; '.join(machines) or 'unknown'}.{busy}",
+        *dict.fromkeys(sentence for row in rows for sentence in row.left_out),
     ]
 
 

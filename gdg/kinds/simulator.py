@@ -11,7 +11,6 @@ from gdg.kinds.fitter import Progress
 from gdg.kinds.hand_model import HandModel
 from gdg.objects.model import ObjectModel
 from gdg.protocols import Protocol
-from gdg.simulation.table import Table
 
 
 class Simulator(ABC):
@@ -32,13 +31,16 @@ class Simulator(ABC):
         grasps: GraspSet,
         protocol: Protocol,
         progress: Progress | None = None,
-        table: Table | None = None,
     ) -> tuple[Verdict, ...]:
         """One verdict per grasp, in order.
 
         The root link is held fixed at ``grasps.poses``; joints start at ``grasps.joints`` and are
-        driven to ``grasps.targets`` (or to ``joints`` where targets are None). ``table`` is what
-        the object rests on under a protocol that lifts it from a table, in the object's frame.
+        driven to ``grasps.targets`` (or to ``joints`` where targets are None). An object that
+        rests on a table (``obj.table``) is tested by a protocol that lifts it off; a simulator
+        refuses other pairs (``gdg.scenes.place.check_protocol``).
+
+        ``Verdict.refined`` says whether there were targets; who prepared the grasps knows better
+        (``gdg.starts.simulated``).
 
         A simulator may leave out trials and pushes that can't change ``success`` and ``failure``
         any more, if its options ask for it; the verdict then says what ran (see ``Verdict``).

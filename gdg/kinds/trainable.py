@@ -24,9 +24,15 @@ class Trainable(ABC):
     Attributes:
         batch_kind: which batches its training and validation steps get. A component that learns
             from ``grasps`` is trained for one hand.
+        whole_surfaces: whether it learns only from surfaces as it gets them when it is used, all
+            points of them and none hidden; ``gdg train`` then refuses settings that thin them out.
+        follows_epochs: whether a step depends on how many epochs there will be, as a learning
+            rate does that falls until the end; a run is then resumed with the same number only.
     """
 
     batch_kind: ClassVar[BatchKind]
+    whole_surfaces: ClassVar[bool] = False
+    follows_epochs: ClassVar[bool] = False
 
     @classmethod
     @abstractmethod

@@ -9,9 +9,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from gdg.data.table import Table
 from gdg.geometry.sdf_stack import SdfStack
 from gdg.objects.model import ObjectModel
-from gdg.simulation.table import Table
 
 
 class ObjectBatch:

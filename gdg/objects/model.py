@@ -15,13 +15,13 @@ from torch import Tensor
 
 from gdg.cache import cached_arrays, content_hash
 from gdg.data.scene import TableScene
+from gdg.data.table import Table
 from gdg.errors import GdgError
 from gdg.folders import OBJECTS
 from gdg.geometry.convex import Decomposition, convex_parts
 from gdg.geometry.mesh import close_gaps, load_mesh, sample_surface
 from gdg.geometry.sdf import SignedDistanceGrid, signed_distance_arrays, winding_numbers
 from gdg.objects.spec import MANIFEST, read_object_spec
-from gdg.simulation.table import Table
 
 #: Surface points per object, as the method prescribes.
 SURFACE_POINTS = 2048

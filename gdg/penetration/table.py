@@ -13,9 +13,9 @@ import trimesh
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from gdg.data.table import Table
 from gdg.kinds.hand_model import HandModel
 from gdg.penetration.blocks import link_blocks, pose_array
-from gdg.simulation.table import Table
 
 
 def table_penetration(

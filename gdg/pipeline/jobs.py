@@ -13,7 +13,7 @@ DEFAULTS = {
     "hand_model": "pytorch-kinematics",
     "distance": "aligned",
     "generator": "cvae",
-    "fitter": "adam",
+    "fitter": "halving",
     "planner": "contact-map",
     "simulator": "sapien",
 }
@@ -61,6 +61,15 @@ class PairJob(JobConfig):
         if isinstance(given, dict) and given.get("scene") == "tabletop":
             return {"protocol": TABLETOP_PROTOCOL, **given}
         return given
+
+    @model_validator(mode="after")
+    def _pose_of_a_scene(self) -> PairJob:
+        if self.scene_pose and self.scene != "tabletop":
+            raise ValueError(
+                f"scene_pose={self.scene_pose}: counts poses on a table, and there is none; write "
+                f"scene=tabletop, or leave it out"
+            )
+        return self
 
 
 class GraspJob(PairJob):

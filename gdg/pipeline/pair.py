@@ -22,7 +22,7 @@ from gdg.pipeline.jobs import PairJob
 from gdg.protocols import load_protocol
 from gdg.scenes.keep import keep_above
 from gdg.scenes.place import check_protocol, on_table
-from gdg.starts import prepare
+from gdg.starts import simulated
 
 
 @dataclass
@@ -49,7 +49,7 @@ class Pair:
         job: PairJob = config.job
         device = _device(job.device)
         # a typo must be told before minutes of work
-        check_protocol(load_protocol(job.protocol), job.scene)
+        check_protocol(load_protocol(job.protocol), job.scene == "tabletop")
         obj = find_object(job.object, job.object_scale).to(device)
         if job.scene == "tabletop":
             obj = on_table(obj, job.scene_pose)
@@ -104,20 +104,15 @@ class Pair:
         """Tests grasps under the job's protocol; the result carries verdicts and drive targets."""
         protocol = load_protocol(self.job.protocol)
         started = time.perf_counter()
-        prepared = prepare(self.hand, self.obj, grasps, protocol, self.job.refine)
-        verdicts = self.components.get("simulator").simulate(
-            self.hand, self.obj, prepared, protocol, progress, self.obj.table
+        simulator = self.components.get("simulator")
+        found = simulated(
+            simulator, self.hand, self.obj, grasps, protocol, self.job.refine, progress
         )
         seconds = {
             **grasps.provenance.get("seconds", {}),
             "simulate": time.perf_counter() - started,
         }
-        return replace(
-            grasps,
-            targets=prepared.targets,
-            verdicts=tuple(verdicts),
-            provenance={**grasps.provenance, "seconds": seconds},
-        )
+        return replace(found, provenance={**grasps.provenance, "seconds": seconds})
 
     def provenance(self) -> dict[str, Any]:
         """Versions and content hashes of everything that shaped the grasps."""

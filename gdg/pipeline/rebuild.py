@@ -26,7 +26,7 @@ from gdg.pipeline.workers import run_all
 from gdg.protocols import Protocol, load_protocol
 from gdg.registry import get_registry
 from gdg.splits.catalogue import TEST, is_test_object
-from gdg.starts import prepare
+from gdg.starts import prepare, simulated
 
 #: Provenance of a shard: whether its grasps were simulated when it was rebuilt.
 SIMULATED = "simulated"
@@ -153,9 +153,11 @@ def _rebuild(task: RebuildTask) -> RebuildResult:
     loaded, group = _loaded(task.file, task.lookup.words()), task.group
     grasps = loaded.stored.grasps(group, np.array(task.rows))
     hand, obj, changed = _load(task, loaded)
+    obj = replace(obj, scene=grasps.scene)
     key = content_hash(
         "rebuild-2", grasps.poses.numpy().tobytes(), grasps.joints.numpy().tobytes(),
         hand.hand.content_hash, obj.content_hash, group.protocol, int(group.refined),
+        *filter(None, [group.scene]),
     )[:16]  # fmt: skip
     there = _there(shard_path(task.out, group.hand, group.object_name, key))
     if there is not None and (there.provenance.get(SIMULATED) or not task.simulate):
@@ -166,12 +168,11 @@ def _rebuild(task: RebuildTask) -> RebuildResult:
     protocol = _protocol(task, notes)
     if changed:
         grasps = replace(grasps, verdicts=())
-    if protocol is not None:
+    if protocol is not None and task.simulate:
+        grasps = simulated(_simulator(), hand, obj, grasps, protocol, group.refined)
+    elif protocol is not None:
         prepared = prepare(hand, obj, grasps, protocol, group.refined)
         grasps = replace(grasps, targets=prepared.targets)
-        if task.simulate:
-            verdicts = _simulator().simulate(hand, obj, prepared, protocol)
-            grasps = replace(grasps, verdicts=tuple(verdicts))
     grasps = _measured(hand, obj, grasps)
     facts = loaded.stored.objects[group.object_name]
     is_test = TEST in (obj.split, facts.split) or is_test_object(

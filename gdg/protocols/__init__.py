@@ -47,12 +47,15 @@ class Protocol(Section):
         torsional_friction: largest torque about a contact's normal over its normal force, metres.
             An engine without it leaves it out and says so in its verdicts.
         drive: gains of all joints; None: those of the hand.
+        shared_motors: whether an actuated joint and those that mimic it, which one motor turns,
+            share its force limit (``gdg.simulation.bodies.motor_share``); if not, each has its
+            own, as in simulators of the literature.
         pushes: None: no push, only a lift.
         lift: what follows the pushes; None: nothing.
         deviations: where we differ from the source, in one sentence each.
     """
 
-    LATER: ClassVar[frozenset[str]] = frozenset({"torsional_friction", "lift"})
+    LATER: ClassVar[frozenset[str]] = frozenset({"torsional_friction", "shared_motors", "lift"})
 
     name: str
     version: Annotated[int, Field(gt=0)]
@@ -62,6 +65,7 @@ class Protocol(Section):
     torsional_friction: NotNegative = 0.0
     body: Body
     drive: DriveGains | None
+    shared_motors: bool = False
     start: Start = Start()
     refinement: Refinement = Refinement()
     pushes: Pushes | None = None
@@ -76,6 +80,18 @@ class Protocol(Section):
             raise ValueError("give pushes, lift or both: without a load every grasp holds")
         if self.pushes is not None and self.needs_table:
             raise ValueError("an object on a table can't be pushed six ways; leave pushes out")
+        return self
+
+    @model_validator(mode="after")
+    def _judges_pushes_that_it_has(self) -> Protocol:
+        if self.pushes is None and self.success.share < 1:
+            raise ValueError("success.share is one of pushes, and there are none; leave it out")
+        in_a_row = self.pushes is not None and self.pushes.order == "sequential"
+        if self.success.measured == "total" and not in_a_row:
+            raise ValueError(
+                "success.measured: total needs pushes one after another (pushes.order: "
+                "sequential); write measured: per-push"
+            )
         return self
 
     @property

@@ -22,10 +22,15 @@ def _row(p: Protocol) -> tuple[str, ...]:
         "; ".join([*_pushes(p), *_lift(p)]),
         _body(p),
         _friction(p),
-        "the hand's" if p.drive is None else f"{p.drive.stiffness:g} / {p.drive.damping:g}",
+        _drives(p),
         _closing(p),
         ", ".join([*_limits(p), *_start_limits(p)]),
     )
+
+
+def _drives(p: Protocol) -> str:
+    gains = "the hand's" if p.drive is None else f"{p.drive.stiffness:g} / {p.drive.damping:g}"
+    return gains + ", motors shared" * p.shared_motors
 
 
 def _friction(p: Protocol) -> str:
@@ -54,9 +59,10 @@ def _pushes(p: Protocol) -> Iterable[str]:
 def _lift(p: Protocol) -> Iterable[str]:
     if p.lift is not None:
         origin = "off a table" if p.lift.support == "table" else f"gravity along {p.lift.direction}"
+        hold = f", held for {_seconds(p, p.lift.hold_steps)}" * bool(p.lift.hold_steps)
         yield (
             f"lift by {100 * p.lift.height_m:g} cm in {_seconds(p, p.lift.steps)} at "
-            f"{p.lift.gravity:g} m/s², {origin}"
+            f"{p.lift.gravity:g} m/s², {origin}{hold}"
         )
 
 
@@ -73,7 +79,7 @@ def _closing(p: Protocol) -> str:
     settle = f", settles {_seconds(p, p.start.settle_steps)}" * bool(p.start.settle_steps)
     if closing.step == "none":
         return "none" + settle
-    return f"{closing.step}, {closing.size:g} rad{settle}"
+    return f"{closing.step}, {closing.size:g} rad or m{settle}"
 
 
 def _limits(p: Protocol) -> Iterable[str]:

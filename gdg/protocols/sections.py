@@ -127,7 +127,7 @@ class Lift(Section):
         steps: how long the rise takes.
         hold_steps: steps at rest at the top, before the lift is judged.
         gravity: m/s².
-        direction: of gravity, without a table. On a table gravity acts against its normal.
+        direction: of gravity, without a table; on one gravity acts against its normal.
         support: ``none``: gravity sets in with the lift, as if a support were taken away;
             ``table``: the object rests on a table, and feels its weight, from the beginning.
     """
@@ -138,6 +138,12 @@ class Lift(Section):
     gravity: Positive = 9.81
     direction: Direction = "-z"
     support: Literal["none", "table"] = "none"
+
+    @model_validator(mode="after")
+    def _one_gravity(self) -> Lift:
+        if self.support == "table" and self.direction != "-z":
+            raise ValueError("on a table gravity acts against its normal; leave direction out")
+        return self
 
 
 class Body(Section):

@@ -17,11 +17,11 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from gdg.data.grasps import GraspSet
+from gdg.data.table import Table
 from gdg.hands.geometry import ConvexPart
 from gdg.kinds.hand_model import HandModel
 from gdg.objects.model import ObjectModel
 from gdg.quality.convex_depth import Polyhedron, overlap_depth, polyhedron, sphere
-from gdg.simulation.table import Table
 
 #: Parts that lie deeper than this in each other in the open posture do so by construction, metres.
 TOUCH_M = 1e-6

@@ -17,7 +17,7 @@ import numpy as np
 
 from gdg.data.atomic import write_text_atomically
 from gdg.data.grasps import GraspSet
-from gdg.data.verdict import DIRECTIONS
+from gdg.data.verdict import DIRECTIONS, left_out_of
 from gdg.kinds.hand_model import HandModel
 from gdg.objects.model import ObjectModel
 from gdg.report.meshes import PictureMesh
@@ -70,7 +70,7 @@ def report_payload(
     vertices = scene.object_mesh.vertices
     return {
         "title": title or f"{grasps.hand} · {grasps.object_name}",
-        "summary": summary_line(grasps),
+        "summary": " · ".join([summary_line(grasps), *left_out_of(grasps.verdicts)]),
         "hand": grasps.hand,
         "object": grasps.object_name,
         "directions": list(DIRECTIONS),

@@ -7,10 +7,10 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gdg.closure import moved_links
+from gdg.data.table import Table
 from gdg.kinds.hand_model import HandModel
 from gdg.penetration.table import hand_height, link_heights
 from gdg.rotations import ROOT_DIM
-from gdg.simulation.table import Table
 
 #: A hand comes from so far away, against the direction in which its palm looks, metres.
 APPROACH_M = 0.10

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 from gdg.data.scene import TableScene
+from gdg.data.table import Table
 from gdg.errors import GdgError
 from gdg.objects.model import ObjectModel
 from gdg.protocols import Protocol
 from gdg.scenes.resting import resting_poses
-from gdg.simulation.table import Table
 
 
 def on_table(obj: ObjectModel, pose: int = 0) -> ObjectModel:
@@ -24,7 +24,8 @@ def on_table(obj: ObjectModel, pose: int = 0) -> ObjectModel:
     """
     poses = resting_poses(obj)
     if pose >= len(poses):
-        listed = ", ".join(f"{n} ({p.probability:.0%})" for n, p in enumerate(poses))
+        # two digits: each of a ball's poses is rare
+        listed = ", ".join(f"{n} ({100 * p.probability:.2g} %)" for n, p in enumerate(poses))
         raise GdgError(
             f"scene_pose={pose}: '{obj.name}' has the resting poses {listed}; choose one of them."
         )
@@ -34,18 +35,18 @@ def on_table(obj: ObjectModel, pose: int = 0) -> ObjectModel:
     return replace(obj, scene=TableScene(table, pose, chosen.probability))
 
 
-def check_protocol(protocol: Protocol, scene: str) -> None:
-    """Whether a protocol tests grasps of a scene.
+def check_protocol(protocol: Protocol, on_table: bool) -> None:
+    """Whether a protocol tests grasps of an object that lies on a table, or of one that doesn't.
 
     Raises:
         GdgError: it lifts from a table that isn't there, or has no table where there is one.
     """
-    if scene == "tabletop" and not protocol.needs_table:
+    if on_table and not protocol.needs_table:
         raise GdgError(
             f"protocol={protocol.name}: tests an object that floats in the air, but with "
             f"scene=tabletop it lies on a table; write protocol=tabletop-lift."
         )
-    if scene != "tabletop" and protocol.needs_table:
+    if protocol.needs_table and not on_table:
         raise GdgError(
             f"protocol={protocol.name}: lifts the object from a table, but there is none; write "
             f"scene=tabletop."

@@ -16,7 +16,7 @@ PRISMATIC_LEVER = 0.05
 
 
 @dataclass(frozen=True)
-class Body:
+class HandBody:
     """One rigid body of the hand: links that fixed joints join.
 
     Attributes:
@@ -32,9 +32,9 @@ class Body:
     Ts_body_link: dict[str, np.ndarray]
 
 
-def hand_bodies(hand: Hand) -> list[Body]:
+def hand_bodies(hand: Hand) -> list[HandBody]:
     """The hand's rigid bodies, parents before children; the frame of a body is its first link's."""
-    bodies = [Body(None, -1, np.eye(4), {hand.urdf.root: np.eye(4)})]
+    bodies = [HandBody(None, -1, np.eye(4), {hand.urdf.root: np.eye(4)})]
     of_link = {hand.urdf.root: 0}
     for joint in hand.urdf.joints.values():
         parent = of_link[joint.parent]
@@ -44,7 +44,7 @@ def hand_bodies(hand: Hand) -> list[Body]:
             bodies[parent].Ts_body_link[joint.child] = T_parent_child
         else:
             of_link[joint.child] = len(bodies)
-            bodies.append(Body(joint, parent, T_parent_child, {joint.child: np.eye(4)}))
+            bodies.append(HandBody(joint, parent, T_parent_child, {joint.child: np.eye(4)}))
     return bodies
 
 
@@ -80,15 +80,35 @@ class Drive:
     armature: float
 
 
+def motor_share(hand: Hand, joint: Joint) -> float:
+    """The share of a joint's force limit that its motor affords while it turns its other joints.
+
+    A motor turns an actuated joint and those that mimic it, and its force limit is that of the
+    actuated joint. By virtual work what it gives is the sum of the joints' forces, each times its
+    speed over the actuated joint's. All joints of a motor get the same share of their limits, and
+    the sum of the shares is the motor's limit. A passive joint has no motor; what locks it keeps
+    its limit.
+    """
+    matrix, _ = hand.coupling
+    motors = np.flatnonzero(matrix[hand.moving_rows[joint.name]])
+    if not len(motors):
+        return 1.0
+    speeds = np.abs(matrix[:, motors[0]])
+    drives = hand.spec.drives
+    limits = [drives.of(moving.name).force_limit for moving in hand.moving_joints]
+    return drives.of(hand.spec.joints[motors[0]]).force_limit / float(speeds @ limits)
+
+
 def joint_drive(hand: Hand, joint: Joint, protocol: Protocol, options: SimulatorOptions) -> Drive:
     """The drive of a joint: gains of the protocol, or the hand's own where it sets none."""
     own = hand.spec.drives.of(joint.name)
     gains = protocol.drive or own
     limited = protocol.drive is None or options.force_limits
+    share = motor_share(hand, joint) if protocol.shared_motors else 1.0
     lever = PRISMATIC_LEVER if joint.type == "prismatic" else 1.0
     return Drive(
         stiffness=gains.stiffness,
         damping=gains.damping,
-        force_limit=own.force_limit if limited else None,
+        force_limit=share * own.force_limit if limited else None,
         armature=options.armature / lever**2,
     )

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from gdg.data.table import Table
 from gdg.data.verdict import DIRECTIONS
 from gdg.protocols import Direction, Lift
-from gdg.simulation.table import Table
 from gdg.simulation.world import GraspWorld
 
 

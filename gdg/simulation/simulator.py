@@ -11,6 +11,7 @@ import numpy as np
 import torch
 
 from gdg.data.grasps import GraspSet
+from gdg.data.table import Table
 from gdg.data.verdict import Verdict
 from gdg.errors import GdgError
 from gdg.hands.hand import Hand
@@ -20,9 +21,9 @@ from gdg.kinds.simulator import Simulator
 from gdg.objects.model import ObjectModel
 from gdg.penetration import penetration_depth
 from gdg.protocols import Protocol
+from gdg.scenes.place import check_protocol
 from gdg.simulation.options import SimulatorOptions
-from gdg.simulation.table import Table
-from gdg.simulation.trial import Start, Trial, Until, free_displacement, run_trial
+from gdg.simulation.trial import Trial, TrialStart, Until, free_displacement, run_trial
 from gdg.simulation.world import GraspWorld
 
 #: Directions in which the hand is shifted, in this order; further shifts repeat them, doubled.
@@ -46,9 +47,7 @@ class WorldSimulator(Simulator):
         self._trials = options.trials
 
     @abstractmethod
-    def build_world(
-        self, hand: Hand, obj: ObjectModel, protocol: Protocol, table: Table | None = None
-    ) -> GraspWorld:
+    def build_world(self, hand: Hand, obj: ObjectModel, protocol: Protocol) -> GraspWorld:
         """A fresh world; subclasses may alter it before trials run in it."""
 
     def left_out(self, protocol: Protocol) -> tuple[str, ...]:
@@ -62,15 +61,14 @@ class WorldSimulator(Simulator):
         grasps: GraspSet,
         protocol: Protocol,
         progress: Progress | None = None,
-        table: Table | None = None,
     ) -> tuple[Verdict, ...]:
         """One verdict per grasp, in order.
 
         Raises:
-            GdgError: the grasps' joints are not the hand's; or there is a table under a protocol
-                without one, or none where it needs one.
+            GdgError: the grasps' joints are not the hand's, or the protocol is not for the object's
+                scene.
         """
-        _check_table(protocol, table)
+        check_protocol(protocol, obj.table is not None)
         if grasps.joint_names != hand.joint_names:
             raise GdgError(
                 f"The grasps have the joints {', '.join(grasps.joint_names)}, but hand "
@@ -78,7 +76,7 @@ class WorldSimulator(Simulator):
             )
         if not len(grasps):
             return ()
-        bench = _Bench(lambda: self.build_world(hand.hand, obj, protocol, table), protocol, table)
+        bench = _Bench(lambda: self.build_world(hand.hand, obj, protocol), protocol, obj.table)
         facts = _Facts(
             protocol,
             bench.free_displacement(),
@@ -96,7 +94,7 @@ class WorldSimulator(Simulator):
                 progress(index + 1, len(grasps))
         return tuple(verdicts)
 
-    def _trials_of(self, bench: _Bench, start: Start, depth_mm: float) -> list[Trial]:
+    def _trials_of(self, bench: _Bench, start: TrialStart, depth_mm: float) -> list[Trial]:
         """The trials of one grasp: all of them, or as many as decide it."""
         limit = bench.protocol.start.max_initial_penetration_m
         shifts, trials = _shifts(bench.protocol), list[Trial]()
@@ -131,7 +129,7 @@ class _Bench:
         """Of the object without a hand, metres."""
         return free_displacement(self._world, self.protocol, self._table)
 
-    def run(self, start: Start, until: Until, failure: str = "") -> Trial:
+    def run(self, start: TrialStart, until: Until, failure: str = "") -> Trial:
         """One trial; see ``run_trial``."""
         trial = run_trial(self._world, self.protocol, start, until, self._table, failure)
         if trial.diverged:
@@ -150,26 +148,13 @@ class _Facts:
     left_out: tuple[str, ...]
 
 
-def _check_table(protocol: Protocol, table: Table | None) -> None:
-    if protocol.needs_table and table is None:
-        raise GdgError(
-            f"Protocol '{protocol.name}' lifts the object from a table, but the scene has none; "
-            f"write scene=tabletop, or choose a protocol whose lift has support: none."
-        )
-    if table is not None and not protocol.needs_table:
-        raise GdgError(
-            f"The scene has a table, but protocol '{protocol.name}' doesn't lift from one; "
-            f"write protocol=tabletop-lift."
-        )
-
-
-def _starts(grasps: GraspSet) -> list[Start]:
+def _starts(grasps: GraspSet) -> list[TrialStart]:
     poses = grasps.poses.detach().cpu().double().numpy()
     joints = grasps.joints.detach().cpu().double().numpy()
     targets = joints
     if grasps.targets is not None:
         targets = grasps.targets.detach().cpu().double().numpy()
-    return [Start(*row) for row in zip(poses, joints, targets, strict=True)]
+    return [TrialStart(*row) for row in zip(poses, joints, targets, strict=True)]
 
 
 def _shifts(protocol: Protocol) -> list[np.ndarray]:

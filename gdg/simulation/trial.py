@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from gdg.data.table import Table
 from gdg.data.verdict import DIRECTIONS
 from gdg.protocols import Protocol, Pushes
 from gdg.simulation.judgement import (
@@ -20,7 +21,6 @@ from gdg.simulation.judgement import (
     start_failure,
 )
 from gdg.simulation.lift import direction_vector, raise_hand, weight
-from gdg.simulation.table import Table
 from gdg.simulation.world import GraspWorld, ObjectState
 
 #: When a trial stops. ``end``: after all pushes and the lift, whatever happens. ``named``: as soon
@@ -32,18 +32,18 @@ MAX_PLAUSIBLE_SPEED = 50.0
 
 
 @dataclass(frozen=True)
-class Start:
+class TrialStart:
     """How a trial starts: the root's pose, actuated joints and drive targets, rad or m."""
 
     T_object_root: np.ndarray
     joints: np.ndarray
     targets: np.ndarray
 
-    def shifted(self, shift: np.ndarray) -> Start:
+    def shifted(self, shift: np.ndarray) -> TrialStart:
         """The same with the root moved by ``shift`` metres in the world."""
         T = self.T_object_root.copy()
         T[:3, 3] += shift
-        return Start(T, self.joints, self.targets)
+        return TrialStart(T, self.joints, self.targets)
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class Trial:
 def run_trial(
     world: GraspWorld,
     protocol: Protocol,
-    start: Start,
+    start: TrialStart,
     until: Until = "end",
     table: Table | None = None,
     failure: str = "",

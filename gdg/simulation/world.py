@@ -59,7 +59,7 @@ class GraspWorld(ABC):
 
     The object's frame is the world frame at the start of a trial. The hand's root is fixed. There
     is no gravity: weight and the acceleration of a lift are what ``step`` is given. A world may
-    have a ``Table`` (``gdg.simulation.table``), which hand and object collide with.
+    have a ``Table`` (``gdg.data.table``), which hand and object collide with.
 
     Attributes:
         actuated: number of the hand's actuated joints.

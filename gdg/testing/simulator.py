@@ -11,12 +11,14 @@ import numpy as np
 import torch
 
 from gdg.data.grasps import GraspSet
+from gdg.data.scene import TableScene
+from gdg.data.table import Table
 from gdg.data.verdict import DIRECTIONS, FAILURES, Verdict
 from gdg.errors import GdgError
 from gdg.kinds.fitter import Progress
 from gdg.kinds.simulator import Simulator
+from gdg.objects.model import ObjectModel
 from gdg.protocols import Protocol, load_protocol
-from gdg.simulation.table import Table
 from gdg.testing.fixtures import HALF_CUBE_M, GripperCase, jaw_grasps, quick_protocol
 from gdg.testing.grasps import progress_problems
 
@@ -50,10 +52,10 @@ class SimulatorCase(GripperCase):
         grasps: GraspSet,
         protocol: Protocol,
         progress: Progress | None = None,
-        table: Table | None = None,
+        obj: ObjectModel | None = None,
     ) -> tuple[Verdict, ...]:
-        """Verdicts of grasps of the cube."""
-        return self.simulator.simulate(self.hand, self.obj, grasps, protocol, progress, table)
+        """Verdicts of grasps of the cube, or of the same cube elsewhere."""
+        return self.simulator.simulate(self.hand, obj or self.obj, grasps, protocol, progress)
 
 
 def verdicts(case: SimulatorCase) -> Iterator[str]:
@@ -115,7 +117,8 @@ def cube_on_a_table(case: SimulatorCase) -> Iterator[str]:
     grasps.poses[:, 1, 1] = grasps.poses[:, 2, 2] = -1.0
     grasps.poses[:, 2, 3] = PALM_ABOVE_M
     table = Table((0.0, 0.0, 1.0), -HALF_CUBE_M)
-    firm, absent = case.run(grasps, protocol, table=table)
+    placed = replace(case.obj, scene=TableScene(table, 0, 1.0))
+    firm, absent = case.run(grasps, protocol, obj=placed)
     if not (firm.success and firm.lift_contact):
         yield f"two jaws that press on the cube must lift it off a table, but: {firm.failure}."
     if absent.failure != "dropped" or absent.drift_m > 0.001:
@@ -123,9 +126,9 @@ def cube_on_a_table(case: SimulatorCase) -> Iterator[str]:
     free = absent.free_displacement_m
     if protocol.lift is not None and not math.isclose(free, protocol.lift.height_m, rel_tol=0.05):
         yield f"a cube on a table that sinks by 100 mm must sink with it, not by {1000 * free:.0f}."
-    for name, given in (("tabletop-lift", None), ("gdg-realistic-1", table)):
+    for name, obj in (("tabletop-lift", case.obj), ("gdg-realistic-1", placed)):
         try:
-            case.run(grasps, _without_shifts(name), table=given)
+            case.run(grasps, _without_shifts(name), obj=obj)
         except GdgError:
             continue
         yield "a table without a lift from it, or the other way round, must raise a GdgError."

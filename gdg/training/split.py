@@ -14,6 +14,7 @@ import numpy as np
 from gdg.data.shards import ShardInfo, shards
 from gdg.errors import GdgError, did_you_mean
 from gdg.folders import HANDS, OBJECTS
+from gdg.hands.hand import Hand
 from gdg.identity import Assets
 from gdg.splits import SplitLock, bare_name, load_split, where_is_object
 from gdg.training.job import TrainJob
@@ -55,16 +56,16 @@ class Split:
         return {"split": self.lock.label, "split_sha256": self.lock.content_hash}
 
 
-def choose_shards(job: TrainJob, hand: str = "") -> Split:
+def choose_shards(job: TrainJob, hand: Hand | None = None) -> Split:
     """The shards of the allowed hands and objects, divided by object.
 
     Args:
         job: what to leave out, and how to divide.
-        hand: name of the only hand to learn from; all by default.
+        hand: the only one to learn from; all by default.
 
     Raises:
         GdgError: no data, a test object or a held-out hand among them, an unknown hand or object
-            excluded, or too few objects to hold some out.
+            excluded, grasps of different hands of one name, or too few objects to hold some out.
     """
     lock = load_split(job.split) if job.split else None
     found = [info for info in shards(Path(job.data).expanduser()) if info.count]
@@ -73,11 +74,12 @@ def choose_shards(job: TrainJob, hand: str = "") -> Split:
     left_out = {bare_name(name) for name in job.exclude_object}
     objects = [info for info in found if bare_name(info.object_name) not in left_out]
     allowed = [info for info in objects if info.hand not in job.exclude_hand]
-    if hand:
+    if hand is not None:
         allowed = _of_hand(hand, allowed, job)
     if not allowed:
         without = ", ".join((*job.exclude_hand, *job.exclude_object))
         raise GdgError(f"data: {job.data}{without and f' without {without}'} holds no grasps.")
+    _refuse_namesakes(allowed)
     assets = Assets()
     excluded = [info for info in found if info.hand in job.exclude_hand]
     refuse_renamed_hands(allowed, excluded, job.exclude_hand, assets)
@@ -94,14 +96,33 @@ def choose_shards(job: TrainJob, hand: str = "") -> Split:
     )
 
 
-def _of_hand(hand: str, found: Sequence[ShardInfo], job: TrainJob) -> list[ShardInfo]:
-    own = [info for info in found if info.hand == hand]
-    if hand in job.exclude_hand:
-        raise GdgError(f"exclude_hand: '{hand}' is the hand to be trained for.")
+def _of_hand(hand: Hand, found: Sequence[ShardInfo], job: TrainJob) -> list[ShardInfo]:
+    own = [info for info in found if info.hand == hand.name]
+    if hand.name in job.exclude_hand:
+        raise GdgError(f"exclude_hand: '{hand.name}' is the hand to be trained for.")
     if not own:
         others = ", ".join(sorted({info.hand for info in found})) or "none"
-        raise GdgError(f"data: {job.data} holds no grasps of hand '{hand}'; it has: {others}.")
+        raise GdgError(f"data: {job.data} holds no grasps of hand '{hand.name}'; it has: {others}.")
+    other = next((info for info in own if info.hand_hash != hand.content_hash), None)
+    if other is not None:
+        raise GdgError(
+            f"data: {other.path}: its grasps are of another hand '{hand.name}' than "
+            f"{hand.folder}; write hand= the folder that they were made with, or synthesise them "
+            f"anew."
+        )
     return own
+
+
+def _refuse_namesakes(allowed: Sequence[ShardInfo]) -> None:
+    """Raises if hands of one name differ: what is recorded of a run names one of each."""
+    first: dict[str, ShardInfo] = {}
+    for info in allowed:
+        known = first.setdefault(info.hand, info)
+        if known.hand_hash != info.hand_hash:
+            raise GdgError(
+                f"data: {known.path} and {info.path} hold grasps of different hands, both named "
+                f"'{info.hand}'; remove those of one of them."
+            )
 
 
 def _refuse_unknown(job: TrainJob, found: Sequence[ShardInfo]) -> None:

@@ -16,11 +16,12 @@ from gdg.cache import content_hash
 from gdg.config import ComponentChoice, RunConfig
 from gdg.data.atomic import write_text_atomically
 from gdg.data.shards import ShardInfo
-from gdg.errors import GdgError
+from gdg.errors import GdgError, raise_if_any
 from gdg.hands.hand import find_hand
 from gdg.kinds.fitter import Progress
 from gdg.kinds.hand_model import HandModel
 from gdg.kinds.trainable import Trainable
+from gdg.objects.model import SURFACE_POINTS
 from gdg.training.card import model_card
 from gdg.training.data import TrainingData
 from gdg.training.fit import Fitted, fit
@@ -65,10 +66,9 @@ def run_training(
         raise GdgError(f"out: {out} holds a training run; write resume=true, or another out=….")
     learner = _learner(kind, choices[kind])
     hand = _hand(kind, learner, job, choices["hand_model"])
-    _refuse_unfit(learner, job)
-    name = hand.hand.name if hand is not None else ""
+    _refuse_unfit(f"{kind} '{choices[kind].record.name}'", learner, job)
     module = learner.trainable(choices[kind].options, job.learning_rate, job.seed, hand)
-    split = choose_shards(job, name)
+    split = choose_shards(job, hand.hand if hand is not None else None)
     source = ItemSource(
         choices["distance"], choices["hand_model"], learner.batch_kind, job.maps == "computed"
     )
@@ -80,7 +80,10 @@ def run_training(
     if not train or (split.validation and not validation):
         raise GdgError("data: none of its grasps passed the simulation.")
     data = TrainingData(train, validation, job, learner.batch_kind, source.maker())
+    name = hand.hand.name if hand is not None else ""
     facts = {"kind": kind, "hand": name, **_facts(job, choices, source, split), "batch": data.batch}
+    if learner.follows_epochs:
+        facts["epochs"] = job.epochs
     if is_first_process():
         _claim(out, facts)
         config = RunConfig(job=job, components=dict(choices)).as_tree()
@@ -138,12 +141,40 @@ def _hand(
     return model(hand_model.options, find_hand(job.hand), torch.device("cpu"))
 
 
-def _refuse_unfit(learner: type[Trainable], job: TrainJob) -> None:
-    if learner.batch_kind == "grasps" and job.augment.scale != (1.0, 1.0):
-        raise GdgError(
+def _refuse_unfit(name: str, learner: type[Trainable], job: TrainJob) -> None:
+    """Raises where items would no longer show what is to be learned from them.
+
+    Args:
+        name: of the learner, for messages.
+        learner: what is trained.
+        job: how items are thinned out and varied.
+
+    Raises:
+        GdgError: naming every such setting.
+    """
+    augment, of_grasps = job.augment, learner.batch_kind == "grasps"
+    mistakes = []
+    if of_grasps and augment.scale != (1.0, 1.0):
+        mistakes.append(
             "augment.scale: grasps can't be scaled with their object, since no joint angles fit "
             "the new size; leave it out."
         )
+    if of_grasps and augment.partial:
+        mistakes.append(
+            "augment.partial: a grasp's contacts on the hidden side would be taken for contacts "
+            "with what is seen; leave it out."
+        )
+    if learner.whole_surfaces and augment.partial:
+        mistakes.append(
+            f"augment.partial: {name} learns from whole surfaces, since it can't tell a partial "
+            f"one from another object; leave it out."
+        )
+    if learner.whole_surfaces and job.points < SURFACE_POINTS:
+        mistakes.append(
+            f"points: {name} learns from all {SURFACE_POINTS} points of a surface, since that is "
+            f"what it sees when it is used; leave it out."
+        )
+    raise_if_any(mistakes)
 
 
 def _facts(

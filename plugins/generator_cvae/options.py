@@ -13,13 +13,14 @@ class CvaeOptions(Options):
     """Options of ``CvaeGenerator``.
 
     Attributes:
-        weights: name of bundled weights, or the path of a ``.safetensors`` file that
-            ``gdg train`` wrote or of a ``.pth`` file that the method's authors released.
+        weights: name of bundled weights (``full``: no hand held out), or the path of a
+            ``.safetensors`` file that ``gdg train`` wrote or of a ``.pth`` file that the method's
+            authors released.
         temperature: standard deviation of the latent; the network is trained for 1, and less
             gives maps nearer to the average one.
         batch: maps decoded at a time, which bounds memory (about 10 MB per map).
     """
 
-    weights: Annotated[str, Field(min_length=1)] = "default"
+    weights: Annotated[str, Field(min_length=1)] = "full"
     temperature: Annotated[float, Field(ge=0.0, le=3.0)] = 1.0
     batch: Annotated[int, Field(ge=1, le=4096)] = 16

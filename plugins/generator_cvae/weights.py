@@ -63,7 +63,8 @@ def find_weights(given: str) -> Path:
     """The file that a bundled name or a path means.
 
     Raises:
-        GdgError: there is no such name or file, or it has another suffix.
+        MissingWeights: no weights of that name are bundled.
+        GdgError: there is no such file.
     """
     return weights_files.find_weights(given, BUNDLED, "generator.weights", OTHER_SUFFIXES)
 

@@ -40,6 +40,9 @@ class FlowGenerator(Generator, Trainable):
 
     options: FlowOptions
     batch_kind: ClassVar[BatchKind] = "maps"
+    # patches of fewer points hold other points, and noise that averages less
+    whole_surfaces: ClassVar[bool] = True
+    follows_epochs: ClassVar[bool] = True
 
     @cached_property
     def weights(self) -> Weights:

@@ -28,9 +28,6 @@ VALIDATION_TIMES = (0.02, 0.05, 0.1, 0.2, 0.4)
 class FlowModule(LightningModule):
     """The network with the loss of flow matching.
 
-    The learning rate follows the number of epochs: a run that is resumed with another number
-    isn't the run that it would have been.
-
     Args:
         options: size of the network and draws per map.
         learning_rate: of AdamW after the warm-up; it falls to ``FINAL_SHARE`` of it by a cosine.

@@ -13,8 +13,8 @@ class FlowOptions(Options):
     """Options of ``FlowGenerator``.
 
     Attributes:
-        weights: name of bundled weights, or the path of a ``.safetensors`` file that
-            ``gdg train`` wrote.
+        weights: name of bundled weights (``full``: no hand held out), or the path of a
+            ``.safetensors`` file that ``gdg train`` wrote.
         steps: integration steps from noise to a map, each one pass of the network; more give
             maps closer to what it learned.
         temperature: standard deviation of the noise that a map starts from; the network is
@@ -26,7 +26,7 @@ class FlowOptions(Options):
         draws: noises and times per map and training step; the map's object is looked at once.
     """
 
-    weights: Annotated[str, Field(min_length=1)] = "default"
+    weights: Annotated[str, Field(min_length=1)] = "full"
     steps: Annotated[int, Field(ge=1, le=1000)] = 16
     temperature: Annotated[float, Field(ge=0.0, le=3.0)] = 1.0
     batch: Annotated[int, Field(ge=1, le=4096)] = 32

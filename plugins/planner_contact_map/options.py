@@ -13,14 +13,17 @@ class ContactMapOptions(Options):
     """What happens around generator and fitter.
 
     Attributes:
+        maps: contact maps generated per grasp asked for; the grasps of the best are kept. The
+            paper makes one.
         close: flex fingers that the fit left off the object until they touch it.
         rank: the energy by which one of the fits to each map is kept and grasps are sorted.
-            ``energy``: the fit's (paper); ``stability``: the margin of force closure and the
-            overlap by exact shapes.
+            ``energy``: the fit's (paper); only what is kept is closed then; ``stability``: the
+            margin of force closure and the overlap by exact shapes, after closing.
         max_overlap_mm: overlap of hand and object, of the hand's links or of hand and table that
             costs nothing when ranking by ``stability``.
     """
 
+    maps: Annotated[float, Field(ge=1, le=100)] = 2.0
     close: bool = True
     rank: Literal["energy", "stability"] = "stability"
     max_overlap_mm: Annotated[float, Field(ge=0)] = 1.5

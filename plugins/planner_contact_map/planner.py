@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 
 import torch
@@ -25,7 +28,7 @@ MAP = "map"
 
 
 class ContactMapPlanner(Planner):
-    """One contact map per grasp asked for, and the best of its fits; drops fits that diverged."""
+    """The best fit to each of some contact maps, and of these the best."""
 
     def __init__(self, options: ContactMapOptions, *, generator: Generator, fitter: Fitter):
         super().__init__(options)
@@ -40,37 +43,61 @@ class ContactMapPlanner(Planner):
         generator: torch.Generator,
         progress: Progress | None = None,
     ) -> GraspSet:
-        """At most ``count`` grasps, one per map, lowest energy first; see the interface."""
-        started = time.perf_counter()
-        maps = self._generator.generate(obj, count, generator)
-        generated = time.perf_counter()
-        grasps = self._fitter.fit(hand, obj, maps, generator, progress)
-        if self.options.close and len(grasps):
-            closed = close_until_touch(hand, obj, hand.q_of(grasps), rise=True)
-            grasps = replace(grasps, joints=closed[:, ROOT_DIM:].cpu())
-            if obj.table is not None:
-                grasps = replace(grasps, poses=root_pose(closed).cpu())
-        fitted = time.perf_counter()
-        rejected = {"diverged": grasps.status.count("diverged")}
-        grasps = replace(grasps, provenance={**grasps.provenance, "rejected": rejected})
-        grasps = self._chosen(hand, obj, grasps, len(maps))
-        seconds = {
-            "generate": generated - started,
-            "fit": fitted - generated,
-            "rank": time.perf_counter() - fitted,
-        }
+        """At most ``count`` grasps of as many maps, lowest energy first; see the interface."""
+        seconds: dict[str, float] = {}
+        with _timed(seconds, "generate"):
+            wanted = math.ceil(self.options.maps * count)
+            maps = self._generator.generate(obj, wanted, generator)
+        with _timed(seconds, "fit"):
+            fits = self._fitter.fit(hand, obj, maps, generator, progress)
+        grasps = _sound(fits, len(maps))
+        by_energy = self.options.rank == "energy"
+        if by_energy:  # what is not chosen needs no closing
+            with _timed(seconds, "rank"):
+                grasps = _best_of_each_map(keep_above(hand, obj, grasps), count)
+        if self.options.close:
+            with _timed(seconds, "close"):
+                grasps = _closed(hand, obj, grasps)
+        if not by_energy:
+            with _timed(seconds, "rank"):
+                grasps = keep_above(hand, obj, grasps)
+                most = self.options.max_overlap_mm
+                grasps = _best_of_each_map(judged_by_stability(hand, obj, grasps, most), count)
         return replace(grasps, provenance={**grasps.provenance, "seconds": seconds})
 
-    def _chosen(self, hand: HandModel, obj: ObjectModel, grasps: GraspSet, maps: int) -> GraspSet:
-        """The best fit of each map that has one, best first."""
-        of_map = torch.arange(len(grasps)) // max(1, len(grasps) // max(1, maps))
-        grasps = replace(grasps, metrics={**grasps.metrics, MAP: of_map.float()})
-        sound = [i for i, status in enumerate(grasps.status) if status != "diverged"]
-        grasps = keep_above(hand, obj, grasps.select(sound))
-        if self.options.rank == "stability":
-            grasps = judged_by_stability(hand, obj, grasps, self.options.max_overlap_mm)
-        metrics, best = dict(grasps.metrics), dict[float, int]()
-        map_of = metrics.pop(MAP).tolist()
-        for index in grasps.energies["total"].argsort(stable=True).tolist():
-            best.setdefault(map_of[index], index)
-        return replace(grasps, metrics=metrics).select(list(best.values()))
+
+def _sound(fits: GraspSet, maps: int) -> GraspSet:
+    """The fits that did not diverge, each with the number of its map as the metric ``MAP``."""
+    of_map = torch.arange(len(fits)) // max(1, len(fits) // max(1, maps))
+    rejected = {"diverged": fits.status.count("diverged")}
+    marked = replace(
+        fits,
+        metrics={**fits.metrics, MAP: of_map.float()},
+        provenance={**fits.provenance, "rejected": rejected},
+    )
+    return marked.select([i for i, status in enumerate(fits.status) if status != "diverged"])
+
+
+def _best_of_each_map(grasps: GraspSet, count: int) -> GraspSet:
+    """The grasps of lowest energy, at most one of each map and ``count`` in all; no ``MAP``."""
+    metrics, best = dict(grasps.metrics), dict[float, int]()
+    map_of = metrics.pop(MAP).tolist()
+    for index in grasps.energies["total"].argsort(stable=True).tolist():
+        best.setdefault(map_of[index], index)
+    return replace(grasps, metrics=metrics).select(list(best.values())[:count])
+
+
+def _closed(hand: HandModel, obj: ObjectModel, grasps: GraspSet) -> GraspSet:
+    """The grasps with fingers flexed until they touch; on a table hands may rise meanwhile."""
+    if not len(grasps):
+        return grasps
+    q = close_until_touch(hand, obj, hand.q_of(grasps), rise=True)
+    grasps = replace(grasps, joints=q[:, ROOT_DIM:].cpu())
+    return grasps if obj.table is None else replace(grasps, poses=root_pose(q).cpu())
+
+
+@contextmanager
+def _timed(seconds: dict[str, float], stage: str) -> Iterator[None]:
+    started = time.perf_counter()
+    yield
+    seconds[stage] = time.perf_counter() - started

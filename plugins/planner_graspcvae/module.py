@@ -31,8 +31,8 @@ class GraspCvaeModule(LightningModule):
 
     def __init__(self, hand: HandModel, learning_rate: float, seed: int):
         super().__init__()
-        self.networks = GraspNetworks(hand)
-        self.networks.initialise(torch.Generator().manual_seed(seed))
+        self.network = GraspNetworks(hand)
+        self.network.initialise(torch.Generator().manual_seed(seed))
         self.hand = hand
         self._pads = contact_pads(hand)
         self._learning_rate = learning_rate
@@ -64,7 +64,7 @@ class GraspCvaeModule(LightningModule):
 
     def _terms(self, batch: GraspBatch, noise: Tensor, disturbance: Tensor) -> dict[str, Tensor]:
         """All terms, and ``loss``, their weighted sum."""
-        cvae = self.networks.cvae
+        cvae = self.network.cvae
         points, normals = batch.points, batch.normals
         hand_points, _ = self._placed(batch.q)
         condition = cvae.condition(points)
@@ -91,7 +91,7 @@ class GraspCvaeModule(LightningModule):
         disturbed, _ = self._placed(_disturbed(batch.q, disturbance, self.hand))
         odd = torch.arange(len(batch.q), device=batch.q.device) % 2 == 1
         seen = torch.where(odd[:, None, None], predicted, thinned(disturbed))
-        return loss.map_loss(batch.values, self.networks.contact(batch.points, seen))
+        return loss.map_loss(batch.values, self.network.contact(batch.points, seen))
 
     def _placed(
         self, q: Float[Tensor, "batch dof"]

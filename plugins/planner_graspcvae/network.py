@@ -13,6 +13,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from gdg.kinds.hand_model import HandModel
+from gdg.pads import contact_pads
 from gdg.pointnet import SharedMlp, initialise, mlp
 from gdg.rotations import ROOT_DIM, rot6d_from_rotation, rotation_from_rot6d
 
@@ -41,6 +42,7 @@ class GraspCvae(nn.Module):
     joint_middle: Tensor
     joint_half: Tensor
     rest: Tensor
+    grip: Tensor
 
     def __init__(self, hand: HandModel):
         super().__init__()
@@ -48,6 +50,7 @@ class GraspCvae(nn.Module):
         self.register_buffer("joint_middle", middle, persistent=False)
         self.register_buffer("joint_half", half, persistent=False)
         self.register_buffer("rest", rest_points(hand), persistent=False)
+        self.register_buffer("grip", grip_center(hand), persistent=False)
         self.object_net = SharedMlp(3, 64, 128, FEATURES)
         self.hand_net = SharedMlp(6, 64, 128, FEATURES)
         self.posterior = mlp(2 * FEATURES, 256, 2 * LATENT)
@@ -73,15 +76,19 @@ class GraspCvae(nn.Module):
     ) -> Float[Tensor, "batch dof"]:
         """Pose vectors q with an orthonormal rot6d; joints may exceed their limits.
 
+        The perceptron says where the middle of the grip is, which is near the object, and not
+        the root: a forearm's root would carry every error of the rotation over its length.
+
         Args:
             condition: features of the objects.
             center: of their points, metres.
             latent: standard normal.
         """
         raw = self.decoder(torch.cat((condition, latent), -1)).float()
-        rotation = rot6d_from_rotation(rotation_from_rot6d(raw[:, 3:ROOT_DIM]))
+        rotation = rotation_from_rot6d(raw[:, 3:ROOT_DIM])
+        translation = center[:, 0] + UNIT_M * raw[:, :3] - rotation @ self.grip
         joints = self.joint_middle + self.joint_half * raw[:, ROOT_DIM:]
-        return torch.cat((center[:, 0] + UNIT_M * raw[:, :3], rotation, joints), -1)
+        return torch.cat((translation, rot6d_from_rotation(rotation), joints), -1)
 
 
 class ContactNet(nn.Module):
@@ -154,6 +161,14 @@ def beside(
     """What a network sees of a hand: where its points are, and which points they are."""
     centred = (hand_points - center_of(points)) / UNIT_M
     return torch.cat((centred, rest.expand(len(centred), -1, -1)), -1)
+
+
+@torch.no_grad()
+def grip_center(hand: HandModel) -> Float[Tensor, "3"]:
+    """Mean of the pads of the half closed hand in its root frame, metres."""
+    pads = contact_pads(hand)
+    poses = hand.link_poses_in_root(((hand.open_posture + hand.closed_posture) / 2)[None])
+    return hand.place(poses, pads.points, pads.link_index)[0].mean(0)
 
 
 @torch.no_grad()

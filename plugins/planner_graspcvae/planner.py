@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -11,14 +11,12 @@ import torch
 from torch import Tensor
 
 from gdg.closure import close_until_touch
-from gdg.components import Options
 from gdg.data.grasps import GraspSet
-from gdg.hand_weights import HandWeights, load_network
+from gdg.hand_learner import HandLearner
+from gdg.hand_weights import HandWeights
 from gdg.kinds.distance import Distance
 from gdg.kinds.fitter import Progress
 from gdg.kinds.hand_model import HandModel
-from gdg.kinds.planner import Planner
-from gdg.kinds.trainable import BatchKind, Trainable
 from gdg.objects.model import ObjectModel
 from gdg.weights_files import WeightsFile
 
@@ -27,14 +25,13 @@ from .network import LATENT, GraspNetworks, center_of
 from .options import GraspCvaeOptions
 
 if TYPE_CHECKING:
-    from lightning.pytorch import LightningModule
+    from .module import GraspCvaeModule
 
-WEIGHTS = HandWeights(Path(__file__).parent / "weights", "graspcvae", "gdg-graspcvae-1")
 #: Grasps adapted at once; bounds the memory.
 MAX_BATCH = 256
 
 
-class GraspCvaePlanner(Planner, Trainable):
+class GraspCvaePlanner(HandLearner[GraspNetworks]):
     """One latent per grasp asked for, decoded to a pose; adapted at test time if so configured.
 
     Args:
@@ -43,12 +40,13 @@ class GraspCvaePlanner(Planner, Trainable):
     """
 
     options: GraspCvaeOptions
-    batch_kind: ClassVar[BatchKind] = "grasps"
+    stored: ClassVar[HandWeights] = HandWeights(
+        Path(__file__).parent / "weights", "graspcvae", "gdg-graspcvae-1"
+    )
 
     def __init__(self, options: GraspCvaeOptions, *, distance: Distance):
         super().__init__(options)
         self._distance = distance
-        self._loaded: dict[str, tuple[WeightsFile, GraspNetworks]] = {}
 
     def plan(
         self,
@@ -67,7 +65,7 @@ class GraspCvaePlanner(Planner, Trainable):
             GdgError: there are no weights for this hand, or they can't be read.
         """
         started = time.perf_counter()
-        weights, networks = self._networks(hand)
+        weights, networks = self.loaded(self.options.weights, hand)
         agreement = Agreement(
             hand, obj, networks.contact, weights.metadata["distance"], self._distance, self.options
         )
@@ -78,15 +76,16 @@ class GraspCvaePlanner(Planner, Trainable):
         seconds = {"generate": generated - started, "fit": fitted - generated}
         return self._judged(agreement, hand, obj, q, self._provenance(weights, seconds))
 
-    def _networks(self, hand: HandModel) -> tuple[WeightsFile, GraspNetworks]:
-        """Weights and networks for a hand, read once."""
-        key = f"{hand.hand.folder} {hand.hand.content_hash} {hand.device}"
-        if key not in self._loaded:
-            weights = WEIGHTS.load(self.options.weights, hand.hand)
-            networks = GraspNetworks(hand)
-            load_network(weights, networks)
-            self._loaded[key] = weights, networks.to(hand.device)
-        return self._loaded[key]
+    def network_of(self, hand: HandModel) -> GraspNetworks:
+        """GraspCVAE and ContactNet."""
+        return GraspNetworks(hand)
+
+    @classmethod
+    def module(cls) -> type[GraspCvaeModule]:
+        """Both networks in training."""
+        from .module import GraspCvaeModule  # Lightning takes seconds to import
+
+        return GraspCvaeModule
 
     @torch.no_grad()
     def _decoded(
@@ -162,28 +161,11 @@ class GraspCvaePlanner(Planner, Trainable):
 
     def _provenance(self, weights: WeightsFile, seconds: dict[str, float]) -> dict[str, Any]:
         return {
-            **WEIGHTS.provenance(weights),
+            **self.stored.provenance(weights),
             "adapt": self.options.adapt,
             "distance": self._distance.label,
             "seconds": seconds,
         }
-
-    @classmethod
-    def trainable(
-        cls, options: Options, learning_rate: float, seed: int, hand: HandModel | None = None
-    ) -> LightningModule:
-        """Fresh networks for one hand; ``options`` matter to inference only."""
-        from .module import GraspCvaeModule  # Lightning takes seconds to import
-
-        return GraspCvaeModule(WEIGHTS.hand_to_train(hand), learning_rate, seed)
-
-    @classmethod
-    def export(cls, module: LightningModule, path: Path, metadata: Mapping[str, Any]) -> None:
-        """Writes both networks as safetensors in half precision."""
-        from .module import GraspCvaeModule
-
-        assert isinstance(module, GraspCvaeModule)
-        WEIGHTS.save(path, module.networks, module.hand.hand, metadata)
 
 
 def _share(progress: Progress | None, done: int, total: int) -> Callable[[int], None]:

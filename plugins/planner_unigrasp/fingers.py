@@ -59,8 +59,9 @@ def fingers_of(hand: HandModel) -> Fingers:
     """The fingers that have contact regions, in an order that depends on the hand alone.
 
     The first is the one whose pads, in the posture halfway closed, look most against the others';
-    each next one brings the sum of the mean pad normals nearest to zero. So the first two or
-    three fingers can hold an object between them: a thumb and what it opposes.
+    then come those that look against it, the one whose tip is nearest to its own first; then the
+    others. So the first two or three fingers can hold an object between them, and most grasps
+    use them: a thumb, the index and the middle finger.
 
     Raises:
         GdgError: fewer than two fingers have contact regions.
@@ -74,15 +75,18 @@ def fingers_of(hand: HandModel) -> Fingers:
             f"hand '{hand.hand.name}': planner unigrasp needs contact_regions on at least two "
             f"fingers, but {len(names)} has any."
         )
-    middle = ((hand.open_posture + hand.closed_posture) / 2)[None]
-    normals = hand.turn(hand.link_poses_in_root(middle), pads.normals, pads.link_index)[0]
-    means = torch.stack([normals[[owner == name for owner in owners]].mean(0) for name in names])
-    ordered = [names[number] for number in _opposing_order(means)]
     kept = torch.tensor([owner is not None for owner in owners], device=hand.device)
-    finger = [ordered.index(owner) for owner in owners if owner is not None]
     own = LinkPoints(pads.points[kept], pads.normals[kept], pads.link_index[kept])
-    number = torch.tensor(finger, device=hand.device)
-    return Fingers(tuple(ordered), own, number, _on_tips(hand, own.link_index, number))
+    numbers = [names.index(owner) for owner in owners if owner is not None]
+    finger = torch.tensor(numbers, device=hand.device)
+    tip = _on_tips(hand, own.link_index, finger)
+    middle = ((hand.open_posture + hand.closed_posture) / 2)[None]
+    poses = hand.link_poses_in_root(middle)
+    normals = hand.turn(poses, own.normals, own.link_index)[0]
+    points = hand.place(poses, own.points, own.link_index)[0]
+    order = _opposing_order(_means(normals, finger), _means(points[tip], finger[tip]))
+    place = torch.tensor(order, device=hand.device).argsort()
+    return Fingers(tuple(names[number] for number in order), own, place[finger], tip)
 
 
 def touched(
@@ -101,15 +105,23 @@ def touched(
     return Touched(torch.stack(index, -1), torch.stack(gap, -1))
 
 
-def _opposing_order(means: Float[Tensor, "finger 3"]) -> list[int]:
-    """The most opposed finger first, then greedily what balances the sum; ties by number."""
-    against = (means @ means.T).fill_diagonal_(0).sum(-1)
-    order = [int(against.argmin())]
-    while len(order) < len(means):
-        rest = [number for number in range(len(means)) if number not in order]
-        sums = (means[order].sum(0) + means[rest]).norm(dim=-1)
-        order.append(rest[int(sums.argmin())])
-    return order
+def _opposing_order(
+    normals: Float[Tensor, "finger 3"], tips: Float[Tensor, "finger 3"]
+) -> list[int]:
+    """Numbers of the fingers, of mean pad normals and tips (metres), as ``fingers_of`` says.
+
+    Ties, which are told to the millimetre, go by number.
+    """
+    alike = (normals @ normals.T).fill_diagonal_(0)
+    first = int(alike.sum(-1).argmin())
+    looks_along = (alike[first] >= 0).tolist()
+    apart_mm = (1000 * (tips - tips[first]).norm(dim=-1)).round().tolist()
+    return sorted(range(len(tips)), key=lambda n: (n != first, looks_along[n], apart_mm[n]))
+
+
+def _means(values: Float[Tensor, "pad 3"], finger: Int[Tensor, "pad"]) -> Float[Tensor, "finger 3"]:
+    """Mean over the pads of each finger."""
+    return torch.stack([values[finger == number].mean(0) for number in finger.unique()])
 
 
 def _on_tips(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -11,30 +10,25 @@ import torch
 from torch import Tensor
 
 from gdg.closure import close_until_touch
-from gdg.components import Options
 from gdg.data.grasps import GraspSet
-from gdg.hand_weights import HandWeights, load_network
+from gdg.hand_learner import HandLearner
+from gdg.hand_weights import HandWeights
 from gdg.kinds.fitter import Progress
 from gdg.kinds.hand_model import HandModel
-from gdg.kinds.planner import Planner
-from gdg.kinds.trainable import BatchKind, Trainable
 from gdg.objects.model import ObjectModel
 from gdg.rotations import ROOT_DIM
-from gdg.weights_files import WeightsFile
 
 from .candidates import Candidates, candidates
-from .fingers import Fingers, fingers_of
+from .fingers import fingers_of
 from .network import ContactSelection
 from .options import UniGraspOptions
 from .reach import Reach, Terms
 
 if TYPE_CHECKING:
-    from lightning.pytorch import LightningModule
-
-WEIGHTS = HandWeights(Path(__file__).parent / "weights", "unigrasp", "gdg-unigrasp-1")
+    from .module import UniGraspModule
 
 
-class UniGraspPlanner(Planner, Trainable):
+class UniGraspPlanner(HandLearner[ContactSelection]):
     """Ranks sets of contact points and keeps those that the hand reaches.
 
     Args:
@@ -42,11 +36,9 @@ class UniGraspPlanner(Planner, Trainable):
     """
 
     options: UniGraspOptions
-    batch_kind: ClassVar[BatchKind] = "grasps"
-
-    def __init__(self, options: UniGraspOptions):
-        super().__init__(options)
-        self._loaded: dict[str, tuple[WeightsFile, Fingers, ContactSelection]] = {}
+    stored: ClassVar[HandWeights] = HandWeights(
+        Path(__file__).parent / "weights", "unigrasp", "gdg-unigrasp-1"
+    )
 
     def plan(
         self,
@@ -66,7 +58,8 @@ class UniGraspPlanner(Planner, Trainable):
                 fingers have contact regions.
         """
         started = time.perf_counter()
-        weights, fingers, network = self._network(hand)
+        weights, network = self.loaded(self.options.weights, hand)
+        fingers = fingers_of(hand)
         fingers = fingers.first(self.options.contacts or len(fingers))
         found = candidates(network, obj, len(fingers), self.options)
         ranked = time.perf_counter()
@@ -81,23 +74,23 @@ class UniGraspPlanner(Planner, Trainable):
             q = reach.solve(found.index, generator, report)
         seconds = {"generate": ranked - started, "fit": time.perf_counter() - ranked}
         provenance = {
-            **WEIGHTS.provenance(weights),
+            **self.stored.provenance(weights),
             "top": self.options.top,
             "fingers": list(fingers.names),
             "seconds": seconds,
         }
         return self._reached(reach, hand, obj, q, found, count, provenance)
 
-    def _network(self, hand: HandModel) -> tuple[WeightsFile, Fingers, ContactSelection]:
-        """Weights, fingers and network for a hand, read once."""
-        key = f"{hand.hand.folder} {hand.hand.content_hash} {hand.device}"
-        if key not in self._loaded:
-            weights = WEIGHTS.load(self.options.weights, hand.hand)
-            fingers = fingers_of(hand)
-            network = ContactSelection(len(fingers))
-            load_network(weights, network)
-            self._loaded[key] = weights, fingers, network.to(hand.device)
-        return self._loaded[key]
+    def network_of(self, hand: HandModel) -> ContactSelection:
+        """A network with a stage for every finger."""
+        return ContactSelection(len(fingers_of(hand)))
+
+    @classmethod
+    def module(cls) -> type[UniGraspModule]:
+        """The selection network in training."""
+        from .module import UniGraspModule  # Lightning takes seconds to import
+
+        return UniGraspModule
 
     @torch.no_grad()
     def _reached(
@@ -153,20 +146,3 @@ class UniGraspPlanner(Planner, Trainable):
             "penetration": terms.depth > o.max_penetration_m,
             "self-penetration": terms.self_penetration > o.max_self_m,
         }
-
-    @classmethod
-    def trainable(
-        cls, options: Options, learning_rate: float, seed: int, hand: HandModel | None = None
-    ) -> LightningModule:
-        """A fresh network for one hand; ``options`` matter to inference only."""
-        from .module import UniGraspModule  # Lightning takes seconds to import
-
-        return UniGraspModule(WEIGHTS.hand_to_train(hand), learning_rate, seed)
-
-    @classmethod
-    def export(cls, module: LightningModule, path: Path, metadata: Mapping[str, Any]) -> None:
-        """Writes the network as safetensors in half precision."""
-        from .module import UniGraspModule
-
-        assert isinstance(module, UniGraspModule)
-        WEIGHTS.save(path, module.network, module.hand.hand, metadata)

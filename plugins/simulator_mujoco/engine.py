@@ -36,9 +36,9 @@ class Surface:
 
     MuJoCo takes the larger friction of two shapes, so both have the protocol's. Its contacts are
     springs, critically damped: an overlap decays by 1/e in ``solref[0]``, which stands for PhysX's
-    limit to the speed of depenetration (10 mm of overlap go at up to 0.4 m/s). Under load an
-    overlap of force × (1 - d) × solref[0]² / effective mass remains: at the defaults 0.1 mm
-    where 100 N pinch an object of 32 g.
+    limit to the speed of depenetration (10 mm of overlap go at up to 0.4 m/s). Under load each
+    contact point keeps an overlap of its force × (1 - d) × solref[0]² / effective mass: at the
+    defaults 0.1 mm where 100 N pinch an object of 32 g, on several points a side.
 
     Attributes:
         friction: Coulomb coefficient.

@@ -10,7 +10,7 @@ import numpy as np
 
 from gdg.hands.hand import Hand
 from gdg.protocols import Protocol
-from gdg.simulation.bodies import Body, Drive, hand_bodies, joint_drive, moving_limits
+from gdg.simulation.bodies import Drive, HandBody, hand_bodies, joint_drive, moving_limits
 from gdg.simulation.mass import link_mass
 
 from .engine import ShapeMaker, quat_wxyz, set_mass, set_pose
@@ -36,7 +36,6 @@ class HandBodies:
     Attributes:
         bodies: the rigid bodies, in the order of ``names``.
         names: of the bodies in the scene.
-        links: name of the first link of each body, by the body's number in the compiled scene.
         limited: whether any drive has a force limit.
     """
 
@@ -62,7 +61,7 @@ class HandBodies:
             self._add_joint(spec, body, number, drive, shapes)
 
     def _add_body(
-        self, parent: mujoco.MjsBody, name: str, body: Body, shapes: ShapeMaker
+        self, parent: mujoco.MjsBody, name: str, body: HandBody, shapes: ShapeMaker
     ) -> mujoco.MjsBody:
         made = parent.add_body(name=name)
         set_pose(made, body.T_parent_body)
@@ -114,8 +113,6 @@ class HandBodies:
         self._row = [self.hand.moving_rows[joint.name] for joint in self._joints]
         self._mocap = int(model.body(self.names[0]).mocapid[0])
         self._ids = [int(model.body(name).id) for name in self.names]
-        firsts = (next(iter(body.Ts_body_link)) for body in self.bodies)
-        self.links = dict(zip(self._ids, firsts, strict=True))
         self._stiffness = np.array([drive.stiffness for drive in self._drives])
         self._damping = np.array([drive.damping for drive in self._drives])
         limits = [drive.force_limit for drive in self._drives]

@@ -8,7 +8,6 @@ from gdg.hands.hand import Hand
 from gdg.objects.model import ObjectModel
 from gdg.protocols import Protocol
 from gdg.simulation.simulator import WorldSimulator
-from gdg.simulation.table import Table
 
 from .options import MujocoOptions
 from .world import MujocoWorld
@@ -22,8 +21,7 @@ class MujocoSimulator(WorldSimulator):
     - Steps are those of the protocol, divided until they are ``max_timestep_ms`` or less. Damping
       of the object takes 1 - d·dt of its velocity in each step of the engine, so with damping a
       free object goes somewhat farther than in PhysX, whose steps are longer.
-    - Contacts are springs, see ``Surface``; there is no limit to the speed of depenetration, so
-      the protocol's ``max_depenetration_velocity`` is not used.
+    - Contacts are springs, see ``Surface``; there is no limit to the speed of depenetration.
     - Contacts are points, where PhysX has patches that resist a twist about their normal even in a
       protocol without torsional friction. In exchange torsional friction is simulated.
     - Friction cones are MuJoCo's, convex: what slides also wants to part. That may be why objects
@@ -36,8 +34,13 @@ class MujocoSimulator(WorldSimulator):
     def __init__(self, options: MujocoOptions):
         super().__init__(options)
 
-    def build_world(
-        self, hand: Hand, obj: ObjectModel, protocol: Protocol, table: Table | None = None
-    ) -> MujocoWorld:
+    def build_world(self, hand: Hand, obj: ObjectModel, protocol: Protocol) -> MujocoWorld:
         """A fresh scene; subclasses may alter it before trials run in it."""
-        return MujocoWorld(hand, obj, protocol, self.options, table)
+        return MujocoWorld(hand, obj, protocol, self.options)
+
+    def left_out(self, protocol: Protocol) -> tuple[str, ...]:
+        """MuJoCo's springs push overlaps apart as fast as their time constant says."""
+        return (
+            f"MuJoCo has no limit to the speed of depenetration; the protocol's "
+            f"{protocol.start.max_depenetration_velocity:g} m/s is left out.",
+        )

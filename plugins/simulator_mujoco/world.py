@@ -11,12 +11,12 @@ from math import ceil
 import mujoco
 import numpy as np
 
+from gdg.data.table import Table
 from gdg.hands.hand import Hand
 from gdg.objects.model import ObjectModel
 from gdg.protocols import Protocol
 from gdg.simulation.bodies import all_joints
 from gdg.simulation.mass import object_mass
-from gdg.simulation.table import Table
 from gdg.simulation.world import GraspWorld, ObjectState, Touch
 
 from .engine import OBJECT, ShapeMaker, Surface, new_spec, quiet, set_mass, set_pose
@@ -35,10 +35,10 @@ class MujocoWorld(GraspWorld):
 
     Args:
         hand: the hand.
-        obj: the object; its frame is the world frame at the start of a trial.
+        obj: the object, and the table that it rests on; its frame is the world frame at the start
+            of a trial.
         protocol: timestep, friction, density, damping and drives.
         options: the simulator's options.
-        table: what the object rests on; None: nothing.
 
     Attributes:
         model: the compiled scene.
@@ -52,7 +52,6 @@ class MujocoWorld(GraspWorld):
         obj: ObjectModel,
         protocol: Protocol,
         options: MujocoOptions,
-        table: Table | None = None,
     ):
         # a step of 5 ms stays one of 5 ms whatever its last bit
         self.substeps = max(1, ceil(protocol.timestep_ms / options.max_timestep_ms - 1e-9))
@@ -61,14 +60,14 @@ class MujocoWorld(GraspWorld):
         shapes = ShapeMaker(spec, Surface.of(protocol, options))
         self.hand = HandBodies(hand, spec, shapes, protocol, options)
         self._add_object(obj, spec, shapes, protocol)
-        self._table = table
-        if table is not None:
-            _add_table(table, spec, shapes)
+        self._table = obj.table
+        if self._table is not None:
+            _add_table(self._table, spec, shapes)
         self.model = spec.compile()
         self.data = mujoco.MjData(self.model)
         self.hand.enter(self.model)
         self._body = int(self.model.body("object").id)
-        self._table_body = -1 if table is None else int(self.model.body("table").id)
+        self._table_body = -1 if self._table is None else int(self.model.body("table").id)
         joint = self.model.joint("object")
         self._q, self._v = int(joint.qposadr[0]), int(joint.dofadr[0])
         dampings = protocol.body.linear_damping, protocol.body.angular_damping
@@ -159,30 +158,13 @@ class MujocoWorld(GraspWorld):
             if self._body in (first, second):
                 yield number, second if first == self._body else first
 
-    def _contacts(self) -> Iterator[tuple[int, str]]:
-        """Contacts of hand and object in the last step: number, and the hand's link."""
-        for number, other in self._contacts_of_object():
-            if other != self._table_body:
-                yield number, self.hand.links[other]
-
     def touch(self) -> Touch:
         """Contact of hand and object in the last step."""
-        gaps = [float(self.data.contact.dist[number]) for number, _ in self._contacts()]
+        contacts = self._contacts_of_object()
+        numbers = [number for number, other in contacts if other != self._table_body]
+        gaps = self.data.contact.dist[numbers].tolist()
         # MuJoCo makes contacts of what overlaps alone; under load something always does
         return Touch(bool(gaps), max(0.0, -min(gaps, default=0.0)))
-
-    def forces(self) -> dict[str, float]:
-        """Force of each body of the hand that touches the object in the last step, newton."""
-        forces: dict[str, np.ndarray] = {}
-        for number, link in self._contacts():
-            wrench = np.zeros(6)
-            mujoco.mj_contactForce(self.model, self.data, number, wrench)
-            frame = self.data.contact.frame[number].reshape(3, 3)
-            # on the second shape of the contact
-            second = self.model.geom_bodyid[self.data.contact.geom[number, 1]]
-            sign = 1.0 if second == self._body else -1.0
-            forces[link] = forces.get(link, np.zeros(3)) + sign * (frame.T @ wrench[:3])
-        return {name: float(np.linalg.norm(force)) for name, force in forces.items()}
 
     def link_poses(self) -> dict[str, np.ndarray]:
         """T_world_link of every link of the hand, by name."""

@@ -7,7 +7,7 @@ import trimesh
 
 from gdg.hands.hand import Hand
 from gdg.protocols import Protocol
-from gdg.simulation.bodies import Body, hand_bodies, joint_drive, moving_limits
+from gdg.simulation.bodies import HandBody, hand_bodies, joint_drive, moving_limits
 from gdg.simulation.mass import link_mass
 
 from .engine import Surface, part_shape, physx, pose_from_matrix, sapien, set_mass
@@ -73,7 +73,7 @@ class HandArticulation:
         return links
 
     def _attach_shapes(
-        self, link: physx.PhysxArticulationLinkComponent, body: Body, surface: Surface
+        self, link: physx.PhysxArticulationLinkComponent, body: HandBody, surface: Surface
     ) -> list[trimesh.Trimesh]:
         """Attaches the body's parts and returns them in its frame."""
         meshes = []
@@ -84,7 +84,7 @@ class HandArticulation:
                 meshes.append(part.mesh.copy().apply_transform(T_body_link))
         return meshes
 
-    def _set_joint(self, made: physx.PhysxArticulationJoint, body: Body) -> None:
+    def _set_joint(self, made: physx.PhysxArticulationJoint, body: HandBody) -> None:
         if body.joint is None:
             made.type = "fixed"
             return

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gdg.data.table import Table
 from gdg.hands.hand import Hand
 from gdg.objects.model import ObjectModel
 from gdg.protocols import Protocol
 from gdg.simulation.bodies import all_joints
 from gdg.simulation.mass import object_mass
-from gdg.simulation.table import Table
 from gdg.simulation.world import GraspWorld, ObjectState, Touch
 
 from .articulation import HandArticulation
@@ -37,10 +37,10 @@ class GraspScene(GraspWorld):
 
     Args:
         hand: the hand.
-        obj: the object; its frame is the world frame at the start of a trial.
+        obj: the object, and the table that it rests on; its frame is the world frame at the start
+            of a trial.
         protocol: timestep, friction, density, damping and drives.
         options: the simulator's options.
-        table: what the object rests on; None: nothing.
     """
 
     def __init__(
@@ -49,14 +49,13 @@ class GraspScene(GraspWorld):
         obj: ObjectModel,
         protocol: Protocol,
         options: SapienOptions,
-        table: Table | None = None,
     ):
         self._timestep = protocol.timestep_ms / 1000.0
         surface = Surface.of_friction(protocol.friction, options.contact_offset_m)
         self.hand = HandArticulation(hand, surface, protocol, options)
         self.body = self._make_object(obj, surface, protocol, options)
         self._entities = [*self.hand.entities, self._object_entity]
-        self._table = None if table is None else KinematicTable(table, surface)
+        self._table = None if obj.table is None else KinematicTable(obj.table, surface)
         if self._table is not None:
             self._entities.append(self._table.entity)
         self._coupled = hand
@@ -172,15 +171,6 @@ class GraspScene(GraspWorld):
         """Whether object and table touched in the last step."""
         contacts = self._contacts_of_object(with_table=True)
         return any(_touches(point) for contact in contacts for point in contact.points)
-
-    def forces(self) -> dict[str, float]:
-        """Force of each body of the hand that touches the object in the last step, newton."""
-        impulses: dict[str, np.ndarray] = {}
-        for contact in self._contacts_of_object():
-            name = next(body.name for body in contact.bodies if body is not self.body and body.name)
-            total = np.sum([point.impulse for point in contact.points], axis=0)
-            impulses[name] = impulses.get(name, np.zeros(3)) + total
-        return {name: float(np.linalg.norm(v)) / self._timestep for name, v in impulses.items()}
 
     def save(self) -> Snapshot:
         """The state of hand and object, velocities included."""

@@ -6,7 +6,6 @@ from gdg.hands.hand import Hand
 from gdg.objects.model import ObjectModel
 from gdg.protocols import Protocol
 from gdg.simulation.simulator import WorldSimulator
-from gdg.simulation.table import Table
 
 from .engine import sapien
 from .options import SapienOptions
@@ -27,11 +26,9 @@ class SapienSimulator(WorldSimulator):
     def __init__(self, options: SapienOptions):
         super().__init__(options)
 
-    def build_world(
-        self, hand: Hand, obj: ObjectModel, protocol: Protocol, table: Table | None = None
-    ) -> GraspScene:
+    def build_world(self, hand: Hand, obj: ObjectModel, protocol: Protocol) -> GraspScene:
         """A fresh scene; subclasses may alter it before trials run in it."""
-        return GraspScene(hand, obj, protocol, self.options, table)
+        return GraspScene(hand, obj, protocol, self.options)
 
     def left_out(self, protocol: Protocol) -> tuple[str, ...]:
         """PhysX has no torsional friction."""

@@ -38,11 +38,11 @@ def table() -> BenchTable:
         "small",
         "A small table",
         (
-            Method("first", "two_jaws", ("planner=fake",), Published(70.0, 640, 0.2, 16.0)),
-            Method("second", "two_jaws", ("planner=other",), Published(50.0, 20), most=2),
+            Method("first", "two_jaws", ("planner=fake",), Published(70.0, 0.2, 16.0)),
+            Method("second", "two_jaws", ("planner=other",), Published(50.0), most=2),
         ),
         (
-            Claim("the first is not much worse", "success", "first", "second", -0.9),
-            Claim("the first is far better", "success", "first", "second", 0.9),
+            Claim("the first is not much worse", "success", "first", "second", -9.0),
+            Claim("the first is far better", "success", "first", "second", 9.0),
         ),
     )

@@ -8,14 +8,18 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+import yaml
+from bench_weights import write_row_weights
 from evaluation_fakes import FakePlanner
 from PIL import Image
 
 from gdg.bench.output import HEADER, markdown, table_rows, write_bench
+from gdg.bench.recipes import train_command
 from gdg.bench.run import run_bench
 from gdg.bench.tables import BenchTable, Claim, Method, Published
-from gdg.bench.weights import train_command
 from gdg.errors import GdgError
+from gdg.hands.hand import find_hand
+from gdg.identity import body_hash
 
 #: What makes any table quick.
 WORDS = ("simulator=fake", "hand_model.surface_points=60", "workers=1", "n=6")
@@ -110,10 +114,10 @@ def test_missing_weights_are_told_with_the_command_that_trains_them(
     bench = run_bench(wider, words(tmp_path))
     first, _, *missing = bench.rows
     assert first.row is not None
-    for row, method in zip(missing, (ours, regressed), strict=True):
+    for row, method, name in zip(missing, (ours, regressed), ("cvae", "other"), strict=True):
         assert row.row is None
         assert not row.failed
-        assert row.note == f"weights missing: {train_command(method, 'cvae')}"
+        assert row.note == f"weights missing: {train_command(method, name)}"
     assert "distance=euclidean split=paper-without-nobody exclude_hand=nobody" in missing[0].note
     assert "planner=other hand=two_jaws" in missing[1].note
     assert [claim.verdict for claim in bench.claims] == ["not tested"]
@@ -125,13 +129,71 @@ def test_missing_weights_are_told_with_the_command_that_trains_them(
 def test_weights_are_found_in_the_users_folder(table: BenchTable, tmp_path: Path, place: str):
     regressed = replace(table.methods[1], planner_weights=True)
     path = tmp_path / "weights" / place.format("other-two_jaws")
-    path.parent.mkdir(parents=True)
-    path.write_bytes(b"weights")
+    body = body_hash(find_hand("two_jaws"))
+    write_row_weights(path, hands=["two_jaws"], held_out_hands=[], hand_body=body)
     wider = replace(table, methods=(table.methods[0], regressed), claims=())
     bench = run_bench(wider, words(tmp_path, f"weights={tmp_path / 'weights'}"))
     assert bench.rows[1].row is not None
+    (used,) = bench.weights
+    assert (used.path, used.said["train_objects"]) == (path, ["banana"])
+    assert f"Weights: other-two_jaws ({used.sha256[:12]})." in bench.caption
     told = [p.read_text() for p in (tmp_path / "out" / "cells").rglob("config.yaml")]
     assert sum(str(path) in text for text in told) == 2
+
+
+def test_refused_weights_leave_the_row_empty_and_are_no_failure(table: BenchTable, tmp_path: Path):
+    regressed = replace(table.methods[1], planner_weights=True)
+    write_row_weights(tmp_path / "weights" / "other-two_jaws.safetensors")
+    wider = replace(table, methods=(table.methods[0], regressed))
+    bench = run_bench(wider, words(tmp_path, f"weights={tmp_path / 'weights'}"))
+    first, second = bench.rows
+    assert first.row is not None
+    assert second.row is None
+    assert not second.failed
+    assert second.note.startswith("weights refused: ")
+    assert bench.weights == ()
+    assert {claim.verdict for claim in bench.claims} == {"not tested"}
+
+
+def test_settings_of_the_user_s_don_t_change_what_is_fixed_in_a_row(
+    table: BenchTable, tmp_path: Path
+):
+    fixed = replace(table.methods[0], fixed=("fitter",), quick=("fitter.steps=7",))
+    wider = replace(table, methods=(fixed, table.methods[1]), claims=())
+    given = [word for word in WORDS if not word.startswith("n=")]
+    file = tmp_path / "settings.yaml"
+    file.write_text("fitter: {particles: 5}")
+    run_bench(wider, [*given, f"out={tmp_path}", "fitter.steps=9"], [file], quick=True)
+    told = [p.read_text() for p in (tmp_path / "cells").rglob("config.yaml")]
+    fitters = {
+        tree["planner"]["name"]: (tree["fitter"]["steps"], tree["fitter"]["particles"])
+        for tree in map(yaml.safe_load, told)
+    }
+    assert len(told) == 4
+    # quick gives the second row 8 particles, over those of the file
+    assert fitters == {"fake": (7, 32), "other": (9, 8)}
+
+
+def test_a_row_that_the_paper_does_not_have_has_dashes(table: BenchTable, tmp_path: Path):
+    ours = replace(table.methods[1], published=None)
+    bench = run_bench(replace(table, methods=(ours,), claims=()), words(tmp_path))
+    (cells,) = table_rows(bench)
+    for title in ("published", "ours − published", "published s"):
+        assert cells[HEADER.index(title)] == "–"
+    _, sheet, tree, _ = write_bench(bench)
+    with sheet.open(newline="") as stream:
+        (line,) = csv.DictReader(stream)
+    assert line["published_success"] == ""
+    assert json.loads(tree.read_text())["rows"][0]["method"]["published"] is None
+
+
+def test_ours_minus_published_has_the_interval_over_objects(table: BenchTable, tmp_path: Path):
+    bench = run_bench(replace(table, claims=()), words(tmp_path))
+    row = bench.rows[0].row
+    assert row is not None
+    low, high = (100 * min(1.0, max(0.0, share)) - 70 for share in row.macro[1:])
+    shown = table_rows(bench)[0][HEADER.index("ours − published")]
+    assert shown == f"{100 * row.success.share - 70:+.0f} ({low:+.0f} to {high:+.0f})"
 
 
 def test_a_planner_that_is_not_there_is_told(table: BenchTable, tmp_path: Path):

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gdg.data.verdict import Verdict, stable_share
+from gdg.data.verdict import Verdict, left_out_of, stable_share
 
 
 def verdict(passed: tuple[bool, ...], trials: int = 0) -> Verdict:
@@ -80,3 +81,9 @@ def test_verdicts_written_before_lifts_were_read_as_ones_without():
     assert math.isnan(old.lift_rotation_rad)
     assert (old.lift_contact, old.left_out) == (False, ())
     assert repr(old) == repr(verdict((True,), 1))
+
+
+def test_what_engines_leave_out_is_told_once_in_order():
+    some = [replace(verdict((True,), 1), left_out=said) for said in (("b", "a"), (), ("a", "c"))]
+    assert left_out_of(some) == ("b", "a", "c")
+    assert left_out_of([]) == ()

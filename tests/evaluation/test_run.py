@@ -76,7 +76,7 @@ def test_a_finished_cell_is_not_run_again(configs, log):
 
 def test_engine_workers_and_threads_make_no_other_cell(configs, log):
     for word in ("workers=2", "threads=2", "cell_timeout_s=100"):
-        run_cells(configs(ONE, "n=1", word))
+        run_cells(configs(ONE, "n=2", word))
     assert len(log()) == 2
 
 
@@ -168,7 +168,7 @@ def test_bundled_weights_that_change_make_another_cell(
     for content in (b"one", b"one", b"more"):
         if not weights.exists() or weights.read_bytes() != content:
             weights.write_bytes(content)
-        run_cells(configs(ONE, "n=1"))
+        run_cells(configs(ONE, "n=2"))
         planned.append(len(log()))
     assert planned == [2, 0, 2]
     assert bundled_weights(record, "fake") == [weights]

@@ -7,6 +7,7 @@ import math
 from pathlib import Path
 
 import pytest
+from evaluation_fakes import LEFT_OUT
 from PIL import Image
 
 from gdg.evaluation.figure import Bar, draw_bars
@@ -29,6 +30,12 @@ def test_markdown_has_one_width_per_table_and_a_line_per_row(configs, tmp_path: 
         assert len(lines) == 4
         assert len({line.count("|") for line in lines}) == 1
     assert len(cells(done.rows[0], BRIEF)) == len(done.rows[0].settings) + len(BRIEF)
+
+
+def test_what_a_simulator_leaves_out_is_said_once(configs, tmp_path: Path):
+    done = run_eval(configs("object=cube_small", "n=2", "planner.top=1,2"))
+    assert [row.left_out for row in done.rows] == [(LEFT_OUT,)] * 2
+    assert (tmp_path / "out" / "summary.md").read_text().count(LEFT_OUT) == 1
 
 
 def test_the_csv_has_every_number(configs, tmp_path: Path):

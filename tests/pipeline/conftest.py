@@ -51,7 +51,7 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> Calls:
         seen.planned.append((self.obj.name, count))
         return original(self, count, generator, progress, **more)
 
-    def simulate(self, hand, obj, grasps, protocol, progress=None, table=None):
+    def simulate(self, hand, obj, grasps, protocol, progress=None):
         seen.simulated.append((obj.name, len(grasps)))
         return tuple(verdict(i % 2 == 0, protocol.label) for i in range(len(grasps)))
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 import torch
+from jaws import grasp_of
 from layout_datasets import (
     assert_same_grasps,
     grasps_in,
@@ -15,6 +16,7 @@ from layout_datasets import (
     with_verdicts,
     write_dataset,
 )
+from table_samples import put
 
 import gdg.quality
 from gdg.data.dataset import shards, write_shard
@@ -26,6 +28,7 @@ from gdg.errors import GdgError
 from gdg.hands.hand import Hand
 from gdg.objects.model import find_object
 from gdg.pipeline.rebuild import RebuildResult, rebuild_dataset, skipped
+from gdg.protocols import load_protocol
 
 
 @pytest.fixture
@@ -159,6 +162,35 @@ def test_grasps_are_simulated_again_on_demand(
     assert result.passed == len(grasps.passed)
     assert grasps.verdicts[0].protocol == "dro-2024-v1"
     assert grasps.verdicts[0].displacement_m[0] == grasps.verdicts[0].displacement_m[0]
+
+
+def test_grasps_on_a_table_are_tested_again_in_their_scene(
+    gripper: Hand, lookup: Lookup, tmp_path: Path
+) -> None:
+    scene = put(find_object("cube_small")).scene
+    firm = grasp_of(find_object("cube_small"), below=0.05, from_above=True)
+    firm = replace(firm, targets=None, scene=scene)
+    loose = replace(firm, joints=firm.joints - 0.02)
+    facts = {
+        "hand_hash": gripper.content_hash,
+        "object_hash": find_object("cube_small").content_hash,
+        "split": "train",
+    }
+    protocol = f"tabletop-lift-v{load_protocol('tabletop-lift').version}"
+    for key, grasps in (("firm", firm), ("loose", loose)):
+        write_shard(tmp_path / key, key, with_verdicts(grasps, 0, protocol), facts)
+        file = tmp_path / f"{key}.parquet"
+        write_compact(file, [(i, valid_grasps(i)) for i in chosen_shards(tmp_path / key)])
+        out = tmp_path / f"{key}-again"
+        (result,) = rebuild_dataset(file, out, lookup, simulate=True)
+        assert result.reason == ""
+        again = grasps_in(out)["two_jaws", "cube_small"]
+        assert again.scene == scene
+        assert again.metrics["table_penetration_mm"].item() == 0.0
+        (verdict,) = again.verdicts
+        assert verdict.success == (key == "firm")
+        assert verdict.free_displacement_m == pytest.approx(0.1, abs=0.002)
+        assert verdict.lift_contact == verdict.success
 
 
 def test_untested_grasps_are_rebuilt_but_not_simulated(

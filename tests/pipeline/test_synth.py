@@ -264,7 +264,7 @@ def test_a_shard_that_takes_too_long_ends_its_pair_and_is_remembered(
     words = (*WORDS, "object=cube_small,cube_medium", f"out={tmp_path}")
     answers = SapienSimulator.simulate
 
-    def hang(self, hand, obj, grasps, protocol, progress=None, table=None):
+    def hang(self, hand, obj, grasps, protocol, progress=None):
         if obj.name == "cube_small":
             time.sleep(300)
         return answers(self, hand, obj, grasps, protocol, progress)
@@ -290,7 +290,7 @@ def test_a_bug_in_one_pair_is_raised_once_the_others_are_done(
 ):
     answers = SapienSimulator.simulate
 
-    def broken(self, hand, obj, grasps, protocol, progress=None, table=None):
+    def broken(self, hand, obj, grasps, protocol, progress=None):
         if obj.name == "cube_small":
             raise ZeroDivisionError("a bug")
         return answers(self, hand, obj, grasps, protocol, progress)
@@ -408,7 +408,7 @@ def batches(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
     """Names of the objects of each joint call of the planner."""
     seen, original = [], DfcPlanner.plan_many
 
-    def plan_many(self, hand, objects, count, generators, progress=None, table=None):
+    def plan_many(self, hand, objects, count, generators, progress=None):
         seen.append([obj.name for obj in objects])
         return original(self, hand, objects, count, generators, progress)
 
@@ -486,7 +486,7 @@ def test_a_batch_that_fails_is_made_again_one_by_one(
 ):
     answers = SapienSimulator.simulate
 
-    def broken(self, hand, obj, grasps, protocol, progress=None, table=None):
+    def broken(self, hand, obj, grasps, protocol, progress=None):
         if obj.name == "cube_small":
             raise GdgError("cube_small can't be simulated.")
         return answers(self, hand, obj, grasps, protocol, progress)

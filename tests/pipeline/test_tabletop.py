@@ -57,6 +57,11 @@ def test_a_scene_and_a_protocol_that_do_not_match_are_refused(config, words, sai
         Pair.load(config(*words))
 
 
+def test_a_resting_pose_without_a_table_is_refused(config):
+    with pytest.raises(GdgError, match=r"scene_pose=3: counts poses on a table.* scene=tabletop"):
+        config("scene_pose=3")
+
+
 def test_an_unknown_scene_is_refused(config):
     with pytest.raises(GdgError, match="scene"):
         config("scene=shelf")
@@ -67,7 +72,7 @@ def test_a_scene_changes_the_fingerprints_and_its_absence_does_not(config):
     other = config("scene=tabletop", "protocol=dro-2024", "scene_pose=1")
     for of in (fingerprint, plan_fingerprint):
         assert len({of(free), of(table), of(other)}) == 3
-        assert of(free) == of(config("scene_pose=3"))
+        assert of(free) == of(config("scene=free", "scene_pose=0"))
 
 
 def test_what_is_planned_stays_above_the_table_and_says_so(pair: Pair):
@@ -89,9 +94,9 @@ def test_a_run_tells_the_simulator_of_the_table_and_stores_it(
 ):
     tables, answer = [], SapienSimulator.simulate
 
-    def simulate(self, hand, obj, grasps, protocol, progress=None, table=None):
-        tables.append((table, protocol.name))
-        return answer(self, hand, obj, grasps, protocol, progress, table)
+    def simulate(self, hand, obj, grasps, protocol, progress=None):
+        tables.append((obj.table, protocol.name))
+        return answer(self, hand, obj, grasps, protocol, progress)
 
     monkeypatch.setattr(SapienSimulator, "simulate", simulate)
     run = run_grasp(config("scene=tabletop", "planner.batch=16"))

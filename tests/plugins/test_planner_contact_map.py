@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 import torch
 from gdg_plugins.distance_euclidean.distance import EuclideanDistance
+from gdg_plugins.planner_contact_map import planner as planner_module
 from gdg_plugins.planner_contact_map.options import ContactMapOptions
 from gdg_plugins.planner_contact_map.planner import ContactMapPlanner
 
@@ -22,7 +23,7 @@ from gdg.testing.fixtures import HALF_CUBE_M, StandInGenerator, jaw_grasps
 from gdg.testing.gripper import OPEN_M
 
 #: What is chosen where nothing is said.
-DEFAULTS = {"close": True, "rank": "stability", "max_overlap_mm": 1.5}
+DEFAULTS = {"maps": 2.0, "close": True, "rank": "stability", "max_overlap_mm": 1.5}
 #: How far the stand-in's fits leave the jaws open, worst fit first; metres per grasp.
 LEFT_OPEN_M = (0.02, 0.0, 0.01)
 
@@ -51,7 +52,7 @@ class OpenFits(Fitter):
 def planned(hand: HandModel, obj: ObjectModel, count: int, close: bool, **options: Any) -> GraspSet:
     distance = EuclideanDistance(NoOptions())
     planner = ContactMapPlanner(
-        ContactMapOptions(close=close, **options),
+        ContactMapOptions(close=close, **{"maps": 1, **options}),
         generator=StandInGenerator(distance),
         fitter=OpenFits(NoOptions(), distance=distance),
     )
@@ -69,6 +70,12 @@ def test_close_false_keeps_what_the_fitter_gave(gripper_model: HandModel, cube: 
     left_open = OPEN_M - HALF_CUBE_M - grasps.joints[:, 0]
     # best first: the energy is how far the jaws are open
     torch.testing.assert_close(left_open, torch.tensor([0.0, 0.01, 0.02]), rtol=0, atol=1e-6)
+
+
+def test_of_more_maps_than_grasps_the_best_are_kept(gripper_model: HandModel, cube: ObjectModel):
+    grasps = planned(gripper_model, cube, 2, close=False, rank="energy", maps=1.5)
+    left_open = OPEN_M - HALF_CUBE_M - grasps.joints[:, 0]
+    torch.testing.assert_close(left_open, torch.tensor([0.0, 0.01]), rtol=0, atol=1e-6)
 
 
 @pytest.mark.parametrize("close", [True, False])
@@ -105,6 +112,37 @@ def test_one_fit_of_each_map_is_kept(
     torch.testing.assert_close(
         grasps.joints, torch.full((2, 1), held + squeezed), rtol=0, atol=1e-6
     )
+
+
+@pytest.mark.parametrize(("rank", "closed"), [("energy", 2), ("stability", 6)])
+def test_what_the_energy_does_not_choose_is_not_closed(
+    rank: str,
+    closed: int,
+    gripper_model: HandModel,
+    cube: ObjectModel,
+    monkeypatch: pytest.MonkeyPatch,
+):
+    seen: list[int] = []
+
+    def close(hand: HandModel, obj: ObjectModel, q: torch.Tensor, **rest: Any) -> torch.Tensor:
+        seen.append(len(q))
+        return q
+
+    monkeypatch.setattr(planner_module, "close_until_touch", close)
+    distance = EuclideanDistance(NoOptions())
+    planner = ContactMapPlanner(
+        ContactMapOptions(rank=rank, maps=1),
+        generator=StandInGenerator(distance),
+        fitter=SeveralFits(NoOptions(), distance=distance),
+    )
+    grasps = planner.plan(gripper_model, cube, 2, torch.Generator().manual_seed(0))
+    assert (len(grasps), seen) == (2, [closed])
+    assert set(grasps.provenance["seconds"]) == {"generate", "fit", "close", "rank"}
+
+
+def test_seconds_of_a_stage_that_is_off_are_not_told(gripper_model: HandModel, cube: ObjectModel):
+    seconds = planned(gripper_model, cube, 1, close=False).provenance["seconds"]
+    assert set(seconds) == {"generate", "fit", "rank"}
 
 
 def test_closing_is_the_default_and_can_be_set_by_name():

@@ -30,6 +30,7 @@ from gdg.errors import GdgError
 from gdg.hands.hand import find_hand
 from gdg.kinds.hand_model import HandModel
 from gdg.objects.model import ObjectModel
+from gdg.pads import contact_pads
 from gdg.rotations import rotation_from_rot6d
 from gdg.testing import check_component
 from gdg.testing.fixtures import small_cube
@@ -93,6 +94,29 @@ def test_decoded_rotations_are_rotations(networks: GraspNetworks):
     q = networks.cvae.decode(condition, center_of(points), latent)
     torch.testing.assert_close(rotation_from_rot6d(q[:, 3:9])[:, :2].flatten(1), q[:, 3:9])
     assert ((q[:, :3] - points.mean(1)).norm(dim=-1) < 10 * UNIT_M).all()
+
+
+@torch.no_grad()
+def test_turning_a_decoded_hand_leaves_its_grip_in_place():
+    hand = build_model(find_hand("shadowhand"))
+    made, points = GraspNetworks(hand).eval(), 0.03 * torch.randn(2, 50, 3, generator=seeded())
+    made.initialise(seeded())
+    last = made.cvae.decoder[-1]
+    assert isinstance(last, torch.nn.Linear)
+    last.weight.zero_()
+    pads, half = contact_pads(hand), (hand.open_posture + hand.closed_posture) / 2
+    placed = []
+    for column in (3, 5):  # the x axis as it is, then turned to z
+        last.bias.zero_()
+        last.bias[column], last.bias[7], last.bias[0] = 1.0, 1.0, 0.5
+        condition, center = made.cvae.condition(points), center_of(points)
+        q = made.cvae.decode(condition, center, torch.zeros(2, LATENT))
+        q[:, 9:] = half[None]
+        at = hand.place(hand.link_poses(q), pads.points, pads.link_index)
+        shift = torch.tensor([0.5 * UNIT_M, 0.0, 0.0])
+        torch.testing.assert_close(at.mean(1), center[:, 0] + shift, rtol=0, atol=1e-5)
+        placed.append(q)
+    assert not torch.allclose(placed[0][:, :3], placed[1][:, :3], atol=0.01)
 
 
 @torch.no_grad()
@@ -218,7 +242,7 @@ def test_adaptation_pulls_a_hand_out_of_the_object(
     weights: str, gripper_model: HandModel, cube: ObjectModel
 ):
     made = planner(weights)
-    _, networks = made._networks(gripper_model)
+    _, networks = made.loaded(weights, gripper_model)
     options = GraspCvaeOptions(adapt_steps=60)
     distance = EuclideanDistance(NoOptions())
     agreement = Agreement(
@@ -238,7 +262,7 @@ def test_adaptation_pulls_a_hand_out_of_the_object(
 def test_targets_reach_one_and_are_written_in_the_planners_distance(
     weights: str, gripper_model: HandModel, cube: ObjectModel
 ):
-    _, networks = planner(weights)._networks(gripper_model)
+    _, networks = planner(weights).loaded(weights, gripper_model)
     assert isinstance(networks.contact, ContactNet)
     of = {}
     for distance in (AlignedDistance(AlignedOptions()), EuclideanDistance(NoOptions())):

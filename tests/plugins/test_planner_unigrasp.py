@@ -13,7 +13,7 @@ from gdg_plugins.planner_unigrasp.candidates import (
     candidates,
     set_force_closure,
 )
-from gdg_plugins.planner_unigrasp.fingers import Fingers, fingers_of, touched
+from gdg_plugins.planner_unigrasp.fingers import Fingers, _opposing_order, fingers_of, touched
 from gdg_plugins.planner_unigrasp.module import cross_entropy
 from gdg_plugins.planner_unigrasp.network import ContactSelection
 from gdg_plugins.planner_unigrasp.options import UniGraspOptions
@@ -83,9 +83,23 @@ def test_every_finger_is_a_stage(gripper_model: HandModel, name: str, count: int
         assert fingers.tip[fingers.finger == number].any()
 
 
-@pytest.mark.parametrize(("name", "thumb"), [("allegro", "thumb"), ("shadowhand", "th")])
-def test_the_thumb_comes_first(name: str, thumb: str):
-    assert fingers_of(build_model(find_hand(name))).names[0].startswith(thumb)
+@pytest.mark.parametrize(
+    ("name", "beginnings"),
+    [
+        ("allegro", ["thumb", "middle", "index", "ring"]),
+        ("shadowhand", ["th", "ff", "mf", "rf", "lf"]),
+        ("barrett", ["finger_3", "finger_1", "finger_2"]),
+    ],
+)
+def test_the_thumb_comes_first_then_what_is_nearest_to_it(name: str, beginnings: list[str]):
+    names = fingers_of(build_model(find_hand(name))).names
+    assert all(name.startswith(start) for name, start in zip(names, beginnings, strict=True))
+
+
+def test_fingers_beside_the_first_come_after_those_that_oppose_it():
+    normals = torch.tensor([[0.0, 1, 0], [0, 1, 0], [0, -1, 0], [0, -1, 0]])
+    tips = torch.tensor([[0.0, 0, 0], [0.02, 0, 0], [0.03, 0.05, 0], [0, 0.05, 0]])
+    assert _opposing_order(normals, tips) == [0, 3, 2, 1]
 
 
 def test_the_first_fingers_are_a_part_of_all(jaws: Fingers):

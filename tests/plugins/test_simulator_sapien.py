@@ -34,14 +34,6 @@ def test_starting_penetration_is_the_jaws_depth(gripper_model: HandModel, cube: 
 # -- judgement ---------------------------------------------------------------------------------
 
 
-def test_rotation_beyond_the_limit_fails(gripper_model: HandModel, cube: ObjectModel):
-    success = {"max_rotation_rad": 1e-9, "measured": "per-push"}
-    verdict = verdict_of(
-        gripper_model, cube, grasp_of(cube), protocol_of("dro-2024", success=success)
-    )
-    assert verdict.failure == "rotated"
-
-
 def test_overlap_that_remains_fails(gripper_model: HandModel, cube: ObjectModel):
     start = {"settle_steps": 1, "max_penetration_m": 0.002, "max_depenetration_velocity": 0.001}
     verdict = verdict_of(

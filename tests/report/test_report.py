@@ -46,6 +46,13 @@ def test_content_security_policy_admits_this_script_only(hand, obj, grasps, tmp_
     assert f"script-src 'sha256-{digest}'" in policy
 
 
+def test_what_the_test_left_out_is_said(hand, obj, grasps, tmp_path):
+    verdicts = tuple(replace(v, left_out=("No friction here.",)) for v in grasps.verdicts)
+    html_report(hand, obj, replace(grasps, verdicts=verdicts), tmp_path / "report.html")
+    _, payload = read_page(tmp_path / "report.html")
+    assert payload["summary"].endswith(" · No friction here.")
+
+
 def test_hostile_names_stay_text(hand, obj, grasps, tmp_path):
     hostile = replace(
         grasps,

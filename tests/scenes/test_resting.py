@@ -91,5 +91,10 @@ def test_equally_likely_poses_come_in_the_order_of_the_axes(cube: ObjectModel):
 
 
 def test_a_pose_that_there_is_not_is_refused_with_those_that_there_are(cube: ObjectModel):
-    with pytest.raises(GdgError, match=r"scene_pose=6: 'cube_small' has the resting poses 0 \(17%"):
+    with pytest.raises(GdgError, match=r"scene_pose=6: 'cube_small' has .* poses 0 \(17 %\), 1"):
         on_table(cube, 6)
+
+
+def test_a_balls_rare_poses_have_a_probability_that_is_not_zero():
+    with pytest.raises(GdgError, match=r"'tennis_ball' has the resting poses 0 \(0\.\d+ %\)"):
+        on_table(find_object("tennis_ball"), 1)

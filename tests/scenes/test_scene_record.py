@@ -16,8 +16,8 @@ from gdg.data.dataset import read_shard, stream_grasps, write_shard
 from gdg.data.grasps import load_grasps
 from gdg.data.scene import TableScene
 from gdg.data.shards import read_info
+from gdg.data.table import Table
 from gdg.errors import GdgError
-from gdg.simulation.table import Table
 
 SCENE = TableScene(Table((0.6, 0.0, 0.8), -0.031), 2, 0.125)
 

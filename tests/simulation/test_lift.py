@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gdg.data.table import Table
 from gdg.protocols import SIX, Lift
 from gdg.simulation.lift import accelerations, direction_vector, heights, weight
-from gdg.simulation.table import Table
 
 
 @given(height=st.floats(0.01, 1.0), steps=st.integers(20, 400), dt=st.floats(0.001, 0.02))

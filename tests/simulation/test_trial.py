@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,14 +11,14 @@ from hypothesis import strategies as st
 from jaws import protocol_of
 from point_world import PointWorld
 
+from gdg.data.table import Table
 from gdg.errors import GdgError
 from gdg.protocols import SIX, Protocol
+from gdg.scenes.place import check_protocol
 from gdg.simulation.lift import direction_vector
-from gdg.simulation.simulator import _check_table
-from gdg.simulation.table import Table
-from gdg.simulation.trial import Start, Until, free_displacement, run_trial
+from gdg.simulation.trial import TrialStart, Until, free_displacement, run_trial
 
-START = Start(np.eye(4), np.zeros(1), np.zeros(1))
+START = TrialStart(np.eye(4), np.zeros(1), np.zeros(1))
 REALISTIC = protocol_of("gdg-realistic-1", timestep_ms=10.0)
 TABLETOP = protocol_of("tabletop-lift", timestep_ms=10.0)
 TABLE = Table((0.0, 0.0, 1.0), -0.02)
@@ -75,6 +77,30 @@ def test_a_failure_before_the_trial_is_its_name():
     trial = run_trial(PointWorld(drift=0.03), REALISTIC, START, "end", failure="penetrating")
     assert trial.failure == "penetrating"
     assert trial.displacement == (0.0,) * 6
+
+
+@pytest.mark.parametrize(("degrees", "failure"), [(14.0, ""), (16.0, "rotated"), (350.0, "")])
+def test_an_object_that_a_push_turns_too_far_is_rotated(degrees: float, failure: str):
+    world = PointWorld(turn={way("+x"): math.radians(degrees)})
+    trial = run_trial(world, REALISTIC, START)
+    assert trial.failure == failure
+    turned = min(degrees, 360 - degrees)
+    assert trial.rotation == pytest.approx((math.radians(turned), 0, 0, 0, 0, 0), abs=1e-9)
+
+
+@pytest.mark.parametrize(("degrees", "failure"), [(14.0, ""), (16.0, "tilted")])
+def test_an_object_that_the_lift_turns_too_far_is_tilted(degrees: float, failure: str):
+    protocol = protocol_of("gdg-realistic-1", pushes={"directions": ["+x"]}, timestep_ms=10.0)
+    trial = run_trial(PointWorld(turn={way("-z"): math.radians(degrees)}), protocol, START)
+    assert trial.failure == failure
+    assert trial.lifted.rotation == pytest.approx(math.radians(degrees))
+    assert trial.rotation[0] == 0.0
+
+
+def test_what_moves_too_far_and_turns_is_dropped():
+    world = PointWorld(default_grip=5.0, turn={way("-z"): 1.0})
+    protocol = protocol_of("gdg-realistic-1", pushes={"directions": ["+x"]}, timestep_ms=10.0)
+    assert failure_of(world, protocol) == "dropped"
 
 
 def test_only_the_directions_of_the_protocol_are_pushed():
@@ -141,6 +167,8 @@ def test_free_displacement_without_pushes_is_that_of_the_lift():
 
 def test_a_table_without_its_protocol_is_refused_and_the_other_way_round():
     with pytest.raises(GdgError, match="scene=tabletop"):
-        _check_table(TABLETOP, None)
+        check_protocol(TABLETOP, on_table=False)
     with pytest.raises(GdgError, match="protocol=tabletop-lift"):
-        _check_table(REALISTIC, TABLE)
+        check_protocol(REALISTIC, on_table=True)
+    check_protocol(TABLETOP, on_table=True)
+    check_protocol(REALISTIC, on_table=False)

@@ -56,9 +56,9 @@ def test_the_two_jaw_gripper_conforms(tmp_path: Path):
 @pytest.mark.parametrize(("kind", "name"), BUILT_IN)
 def test_built_in_components_conform(kind: str, name: str, tmp_path: Path):
     options = QUICK_OPTIONS.get((kind, name), {})
-    weights = WEIGHTS.parents[1] / f"generator_{name}" / "weights" / "default.safetensors"
+    weights = WEIGHTS.parents[1] / f"generator_{name}" / "weights" / "full.safetensors"
     if name in ("cvae", "flow") and not weights.is_file():
-        pytest.skip("no weights 'default' are bundled")
+        pytest.skip("no weights 'full' are bundled")
     if name in ("graspcvae", "unigrasp"):
         pytest.skip("weights are for one hand: tests/plugins trains the gripper's and checks")
     if name == "oracle":

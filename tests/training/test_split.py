@@ -10,6 +10,7 @@ from training_samples import FACTS, some_grasps
 
 from gdg.data.dataset import write_shard
 from gdg.errors import GdgError
+from gdg.hands.hand import find_hand
 from gdg.training.job import TrainJob
 from gdg.training.split import choose_shards
 
@@ -56,13 +57,27 @@ def test_validation_objects_are_train_objects_that_training_never_sees(tmp_path:
 
 
 def test_only_the_hand_that_is_trained_for_is_chosen(tmp_path: Path) -> None:
-    for hand in ("barrett", "mine"):
+    barrett = find_hand("barrett")
+    for hand, content in (("barrett", barrett.content_hash), ("mine", "of mine")):
         for name in ("lemon", "orange"):
-            write(tmp_path, hand, name, hand_hash=f"of {hand}")
+            write(tmp_path, hand, name, hand_hash=content)
     job = TrainJob(data=str(tmp_path), val_fraction=0.5)
-    split = choose_shards(job, "mine")
-    assert {info.hand for info in (*split.train, *split.validation)} == {"mine"}
+    split = choose_shards(job, barrett)
+    assert {info.hand for info in (*split.train, *split.validation)} == {"barrett"}
     with pytest.raises(GdgError, match="no grasps of hand 'allegro'; it has: barrett, mine"):
-        choose_shards(job, "allegro")
-    with pytest.raises(GdgError, match="'mine' is the hand to be trained for"):
-        choose_shards(job.model_copy(update={"exclude_hand": ("mine",)}), "mine")
+        choose_shards(job, find_hand("allegro"))
+    with pytest.raises(GdgError, match="'barrett' is the hand to be trained for"):
+        choose_shards(job.model_copy(update={"exclude_hand": ("barrett",)}), barrett)
+
+
+def test_hands_of_one_name_are_not_mixed(tmp_path: Path) -> None:
+    barrett = find_hand("barrett")
+    write(tmp_path, "barrett", "lemon", hand_hash=barrett.content_hash)
+    write(tmp_path, "barrett", "orange", hand_hash="of another", object_hash="other")
+    job = TrainJob(data=str(tmp_path), val_fraction=0.5)
+    with pytest.raises(GdgError, match=r"lemon/.* and .*orange/.* different hands, both named"):
+        choose_shards(job)
+    with pytest.raises(GdgError, match=r"orange/.* of another hand 'barrett' than .*write hand="):
+        choose_shards(job, barrett)
+    one = job.model_copy(update={"exclude_object": ("orange",), "val_fraction": 0, "keep": "last"})
+    assert choose_shards(one, barrett).objects("train") == ["lemon"]

@@ -87,8 +87,15 @@ def test_what_does_not_fit_what_is_trained_is_refused(dataset: Path, tmp_path: P
         return str(caught.value)
 
     assert "trained for one hand; write hand=" in refused(planner)
-    scaled = {"hand": "barrett", "augment": {"scale": [0.9, 1.1]}}
-    assert "augment.scale: grasps can't be scaled" in refused(planner, **scaled)
+    varied = {"hand": "barrett", "augment": {"scale": [0.9, 1.1], "partial": 0.5}}
+    assert "augment.scale: grasps can't be scaled" in refused(planner, **varied)
+    assert "augment.partial: a grasp's contacts on the hidden side" in refused(planner, **varied)
+    flow = {**generator, "generator": component("generator", "flow")}
+    whole = {"points": 2048, "augment": {}}
+    assert "points: generator 'flow' learns from all 2048 points" in refused(flow)
+    partial = refused(flow, **{**whole, "augment": {"partial": 0.1}})
+    assert partial.startswith("augment.partial: generator 'flow' learns from whole surfaces")
+    assert "\n" not in partial
     assert "learns from the contact maps of all hands" in refused(generator, hand="barrett")
     assert "no grasps of hand 'allegro'; it has: barrett" in refused(planner, hand="allegro")
     assert "but both are given" in refused({**planner, **generator})
@@ -149,6 +156,22 @@ def test_all_options_together_run_and_resume(dataset: Path, tmp_path: Path) -> N
     card = (tmp_path / "parts" / "model_card.md").read_text()
     assert "| average of the weights | exponential, decay 0.9 |" in card
     assert "| points per item, balance | 64, pairs |" in card
+
+
+def test_a_schedule_over_the_epochs_is_resumed_with_the_same_number_only(
+    dataset: Path, tmp_path: Path
+) -> None:
+    options = {"width": 16, "layers": 1, "heads": 2, "draws": 1}
+    record = get_registry().find("generator", "flow")
+    flow = ComponentChoice(record=record, options=record.options(**options))
+    picked = {**choices(), "generator": flow}
+    job = TrainJob(data=str(dataset), out=str(tmp_path), **{**SMALL, "points": 2048, "epochs": 1})
+    run_training(job, picked)
+    for changed in ("epochs", "batch"):
+        longer = job.model_copy(update={"resume": True, changed: 4})
+        with pytest.raises(GdgError, match=f"begun with other values of {changed}; resume with"):
+            run_training(longer, picked)
+    run_training(job.model_copy(update={"resume": True}), picked)
 
 
 def test_job_reads_one_name_or_a_list_and_refuses_typos() -> None:

@@ -87,7 +87,7 @@ def _export_compact(chosen: list[ShardInfo], out: Path, failed_too: bool) -> Non
     click.echo(f"{count} grasps, {size / 1e6:.2f} MB ({size / count:.0f} bytes each): {out}")
     click.echo(
         "Not in the file, but computed anew by gdg data import: contact points, metrics, drive "
-        "targets. Not in the file: energies, the planner's status, the pushes of each verdict."
+        "targets. Not in the file: energies, the planner's status, each verdict's pushes and lift."
     )
 
 

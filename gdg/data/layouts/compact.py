@@ -1,10 +1,12 @@
 """gdg's compact layout: every valid grasp of a dataset in one small Parquet file.
 
 A row is a grasp: hand and object (by name; their content hashes stand once in the file's
-metadata), the root's position and unit quaternion, the joints, a summary of the verdict, and what
-made it. Single precision, split into byte planes and compressed: about 80 bytes a grasp. What
-follows from the grasp is left out (contacts, metrics, drive targets; ``gdg.pipeline.rebuild``
-computes it anew), and so are the planner's energies.
+metadata), the table that the object rests on if there is one, the root's position and unit
+quaternion, the joints, a summary of the verdict, and what made it. Single precision, split into
+byte planes and compressed: about 80 bytes a grasp. What follows from the grasp is left out
+(contacts, metrics, drive targets; ``gdg.pipeline.rebuild`` computes it anew), and so are the
+planner's energies. Of a verdict, what single pushes and the lift did and what the engine left out
+are not kept: they are unknown until ``gdg.pipeline.rebuild`` simulates the grasps again.
 """
 
 from __future__ import annotations
@@ -32,6 +34,7 @@ from gdg.data.layouts.rotations import (
     quaternion_from_rotation,
     rotation_from_quaternion,
 )
+from gdg.data.scene import TableScene
 from gdg.data.verdict import DIRECTIONS, Verdict
 from gdg.errors import GdgError, raise_if_any
 
@@ -72,6 +75,9 @@ _COLUMNS: dict[str, pa.DataType] = {
     "seed": pa.int64(),
     "recipe": _TEXT,
 }
+#: The column that says which of the header's scenes a grasp is in, null in free air. Files of
+#: grasps in free air have neither.
+SCENE = "scene"
 _ALWAYS = ("hand", "object", *POSITION, *QUATERNION, "joints", "recipe")
 _TESTED = ("failure", "engine", "success", "refined", "shifts", "trials_run", "trials")
 
@@ -96,12 +102,13 @@ class CompactObject:
 
 @dataclass(frozen=True)
 class Group:
-    """Rows of a file that belong together: one hand, one object, tested in one way."""
+    """Rows of a file that belong together: one hand, one object in one scene, tested in one way."""
 
     hand: str
     object_name: str
     protocol: str
     refined: bool
+    scene: str = ""
 
 
 @dataclass(frozen=True)
@@ -113,6 +120,7 @@ class CompactFile:
         hands: by name.
         objects: by name.
         recipes: hash -> versions and components that made grasps.
+        scenes: hash -> what an object rests on.
         table: the rows.
     """
 
@@ -120,15 +128,16 @@ class CompactFile:
     hands: Mapping[str, CompactHand]
     objects: Mapping[str, CompactObject]
     recipes: Mapping[str, Any]
+    scenes: Mapping[str, TableScene]
     table: pa.Table
 
     def groups(self) -> dict[Group, np.ndarray]:
         """Group -> its rows, groups in the file's order."""
-        names = ("hand", "object", "protocol", "refined")
+        names = ("hand", "object", "protocol", "refined", SCENE)
         found: dict[Group, list[int]] = {}
         columns = (self.table[name].to_pylist() for name in names)
-        for row, (hand, obj, protocol, refined) in enumerate(zip(*columns, strict=True)):
-            group = Group(hand, obj, protocol or "", bool(refined))
+        for row, (hand, obj, protocol, refined, scene) in enumerate(zip(*columns, strict=True)):
+            group = Group(hand, obj, protocol or "", bool(refined), scene or "")
             found.setdefault(group, []).append(row)
         return {group: np.array(rows) for group, rows in found.items()}
 
@@ -153,6 +162,7 @@ class CompactFile:
             poses=_poses(table),
             joints=torch.tensor(joints, dtype=torch.float32).reshape(count, width),
             verdicts=_verdicts(table) if group.protocol else (),
+            scene=self.scenes.get(group.scene),
             provenance={
                 **(self.recipes.get(recipes[0], {}) if len(recipes) == 1 else {}),
                 "recipes": recipes,
@@ -201,6 +211,7 @@ class _Contents:
         self.hands: dict[str, CompactHand] = {}
         self.objects: dict[str, CompactObject] = {}
         self.recipes: dict[str, Any] = {}
+        self.scenes: dict[str, dict[str, Any]] = {}
         self.mistakes: dict[str, None] = {}
         self.tables: dict[tuple[str, str], list[pa.Table]] = {}
 
@@ -213,10 +224,10 @@ class _Contents:
         if self.objects.setdefault(info.object_name, obj) != obj:
             self._complain(info, f"object '{info.object_name}'")
         recipe = {key: info.provenance[key] for key in RECIPE if key in info.provenance}
-        label = content_hash(json.dumps(recipe, sort_keys=True))[:12]
-        self.recipes[label] = recipe
+        label = _noted(self.recipes, recipe)
+        scene = None if grasps.scene is None else _noted(self.scenes, grasps.scene.as_dict())
         seed = info.provenance.get("shard_seed", info.provenance.get("seed"))
-        rows = _rows(grasps, label, seed if isinstance(seed, int) else None)
+        rows = _rows(grasps, label, seed if isinstance(seed, int) else None, scene)
         self.tables.setdefault((info.hand, info.object_name), []).append(rows)
 
     def _complain(self, info: ShardInfo, what: str) -> None:
@@ -235,10 +246,20 @@ class _Contents:
             },
             "objects": {n: [o.content_hash, o.scale, o.split] for n, o in self.objects.items()},
             "recipes": self.recipes,
+            **({"scenes": self.scenes} if self.scenes else {}),
         }
         table = pa.concat_tables([t for key in sorted(self.tables) for t in self.tables[key]])
+        if not self.scenes:
+            table = table.drop_columns(SCENE)
         table = table.unify_dictionaries().combine_chunks()
         return with_checksum(table, json.dumps(header).encode())
+
+
+def _noted(book: dict[str, Any], entry: dict[str, Any]) -> str:
+    """Puts an entry into a book under its hash, and returns that."""
+    label = content_hash(json.dumps(entry, sort_keys=True))[:12]
+    book[label] = entry
+    return label
 
 
 def with_checksum(table: pa.Table, header: bytes) -> pa.Table:
@@ -279,11 +300,15 @@ def read_compact(path: Path) -> CompactFile:
         objects = {name: _object(name, facts) for name, facts in header["objects"].items()}
         if not all(isinstance(recipe, dict) for recipe in header["recipes"].values()):
             raise TypeError("its 'recipes' are no dictionaries")
+        scenes = {n: TableScene.from_dict(tree) for n, tree in header.get("scenes", {}).items()}
+        if SCENE not in table.column_names:
+            table = table.append_column(SCENE, pa.nulls(len(table), _TEXT))
         unknown = set(table["hand"].to_pylist()) - set(hands)
         unknown |= set(table["object"].to_pylist()) - set(objects)
+        unknown |= set(table[SCENE].to_pylist()) - {None, *scenes}
         if unknown:
-            raise ValueError(f"'{min(unknown)}' is not in its lists of hands and objects")
-        return CompactFile(path, hands, objects, header["recipes"], table)
+            raise ValueError(f"'{min(unknown)}' is not in its lists of hands, objects and scenes")
+        return CompactFile(path, hands, objects, header["recipes"], scenes, table)
     except UNREADABLE as error:
         reason = " ".join(str(error).split())
         raise GdgError(f"{path}: is no readable compact file: {reason}") from error
@@ -291,7 +316,8 @@ def read_compact(path: Path) -> CompactFile:
 
 def _check_columns(table: pa.Table) -> None:
     """Raises ``TypeError`` where a column is missing or of another type."""
-    for name, kind in _COLUMNS.items():
+    optional = {SCENE: _TEXT} if SCENE in table.column_names else {}
+    for name, kind in {**_COLUMNS, **optional}.items():
         found = table.schema.field(name).type if name in table.column_names else None
         if found != kind:
             raise TypeError(f"its column '{name}' is {found or 'missing'}, not {kind}")
@@ -332,7 +358,7 @@ def _object(name: str, facts: Any) -> CompactObject:
     return CompactObject(key, float(scale), split)
 
 
-def _rows(grasps: GraspSet, recipe: str, seed: int | None) -> pa.Table:
+def _rows(grasps: GraspSet, recipe: str, seed: int | None, scene: str | None) -> pa.Table:
     count, verdicts = len(grasps), grasps.verdicts
     poses = grasps.poses.double().numpy()
     quaternions = quaternion_from_rotation(poses[:, :3, :3])
@@ -360,6 +386,7 @@ def _rows(grasps: GraspSet, recipe: str, seed: int | None) -> pa.Table:
     columns["trials"] = pa.array([v.trials for v in verdicts] or blank, pa.int16())
     columns["seed"] = pa.array([seed] * count, pa.int64())
     columns["recipe"] = _texts([recipe] * count)
+    columns[SCENE] = _texts([scene] * count)
     return pa.table(columns)
 
 

@@ -17,6 +17,12 @@ from gdg.hands.hand import Hand
 from gdg.kinds.distance import Distance
 from gdg.kinds.hand_model import HandModel
 
+#: Why grasps of an object on a table are refused where only the object itself can be told.
+ON_TABLE = (
+    "the dataset has grasps of objects on a table, for which this layout has no place; write "
+    "--layout compact."
+)
+
 
 def chosen_shards(root: Path, only_hands: Sequence[str] = ()) -> list[ShardInfo]:
     """The shards of a dataset that hold grasps, of the chosen hands (none: of all).
@@ -47,7 +53,8 @@ def pairs_to_export(
     """The grasps of each shard with its hand, in the order of the shards.
 
     Raises:
-        GdgError: every hand that can't be found, or that has other joints than the grasps.
+        GdgError: every hand that can't be found, or that has other joints than the grasps; grasps
+            of an object on a table.
     """
     pairs, mistakes = [], {}
     for info in chosen:
@@ -58,7 +65,9 @@ def pairs_to_export(
             mistakes[str(error)] = None
             continue
         grasps = valid_grasps(info, failed_too)
-        if len(grasps):
+        if grasps.scene is not None:
+            mistakes[ON_TABLE] = None
+        elif len(grasps):
             pairs.append(
                 PairToExport(
                     hand,

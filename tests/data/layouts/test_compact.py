@@ -25,7 +25,10 @@ from gdg.data.layouts.compact import (
     with_checksum,
     write_compact,
 )
-from gdg.data.layouts.exporting import chosen_shards, valid_grasps
+from gdg.data.layouts.exporting import chosen_shards, pairs_to_export, valid_grasps
+from gdg.data.layouts.lookup import Lookup
+from gdg.data.scene import TableScene
+from gdg.data.table import Table
 from gdg.errors import GdgError
 from gdg.hands.hand import Hand, find_hand
 
@@ -82,6 +85,55 @@ def test_a_verdict_keeps_its_summary(dataset: Callable[..., Path], tmp_path: Pat
     assert verdict.success_rate == before.success_rate
     assert verdict.stable == before.stable
     assert all(math.isnan(value) for value in verdict.displacement_m)
+
+
+TABLES = [
+    TableScene(Table((0.0, 0.0, 1.0), -0.02), 0, 0.5),
+    TableScene(Table((0.0, 0.6, 0.8), -0.03), 1, 0.25),
+]
+
+
+def test_the_table_under_an_object_comes_back(gripper: Hand, tmp_path: Path) -> None:
+    grasps = with_verdicts(random_grasps(gripper, "mug", 3), 0, "tabletop-lift-v2")
+    info = info_of(gripper, "mug")
+    scenes = [None, *TABLES, TABLES[0]]
+    write_compact(tmp_path / "all.parquet", [(info, replace(grasps, scene=s)) for s in scenes])
+    stored = read_compact(tmp_path / "all.parquet")
+    found = {stored.grasps(g, rows).scene: len(rows) for g, rows in stored.groups().items()}
+    assert found == {None: 3, TABLES[0]: 6, TABLES[1]: 3}
+
+
+def test_files_without_a_table_are_as_they_were_before_there_were_any(
+    dataset: Callable[..., Path], tmp_path: Path
+) -> None:
+    with pq.ParquetFile(export(dataset("cube_small"), tmp_path / "all.parquet")) as stored:
+        assert "scene" not in stored.schema_arrow.names
+        assert "scenes" not in json.loads((stored.schema_arrow.metadata or {})[METADATA_KEY])
+
+
+@pytest.mark.parametrize("scenes", [{}, {"a": {"name": "shelf"}}, {"a": 3}, 7])
+def test_scenes_that_are_none_are_refused(gripper: Hand, tmp_path: Path, scenes: Any) -> None:
+    grasps = replace(random_grasps(gripper, "mug", 3), scene=TABLES[0])
+    path = tmp_path / "all.parquet"
+    write_compact(path, [(info_of(gripper, "mug"), grasps)])
+    table = pq.read_table(path)
+    header = json.loads((table.schema.metadata or {})[METADATA_KEY])
+    header["scenes"] = scenes
+    pq.write_table(with_checksum(table, json.dumps(header).encode()), path)
+    with pytest.raises(GdgError, match="is no readable compact file"):
+        read_compact(path)
+
+
+def test_what_is_exported_to_other_layouts_is_not_on_a_table(
+    gripper: Hand, lookup: Lookup, tmp_path: Path
+) -> None:
+    facts = {"hand_hash": gripper.content_hash, "object_hash": "o", "split": ""}
+    for name in ("mug", "cup"):
+        placed = replace(random_grasps(gripper, name, 2), scene=TABLES[0])
+        write_shard(tmp_path, name, placed, {**facts, "hand_path": str(gripper.folder)})
+    with pytest.raises(GdgError, match=r"objects on a table.* write --layout compact") as caught:
+        pairs_to_export(chosen_shards(tmp_path), lookup)
+    assert len(str(caught.value).splitlines()) == 1
 
 
 def test_untested_grasps_stay_untested(dataset: Callable[..., Path], tmp_path: Path) -> None:
