@@ -28,6 +28,7 @@ BUNDLED = tuple(name for name, found in HANDS.all().items() if found.tier == "bu
 QUICK_OPTIONS: dict[tuple[str, str], dict[str, Any]] = {
     ("hand-model", "pytorch-kinematics"): {"surface_points": 200},
     ("fitter", "adam"): QUICK_ADAM,
+    ("fitter", "halving"): QUICK_ADAM,
     ("planner", "dfc"): QUICK_DFC,
 }
 QUICK_USES: dict[tuple[str, str], dict[str, Any]] = {
