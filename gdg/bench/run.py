@@ -160,13 +160,13 @@ def _prepare(
         pairs = [with_weights(method, _as_eval(config), job.weights, assets) for config in composed]
         found = {weights.path: weights for _, weights in pairs if weights is not None}
         objects = TableObjects.of(composed, assets)
-        notes = [check_weights(method, one, objects, assets) for one in found.values()]
+        for one in found.values():
+            check_weights(method, one, objects, assets)
     except MissingWeights as error:
         return _Prepared(method, note=f"weights missing: {error}")
     except RefusedWeights as error:
         return _Prepared(method, note=f"weights refused: {error}")
-    configs = tuple(config for config, _ in pairs)
-    return _Prepared(method, configs, tuple(found.values()), " ".join(filter(None, notes)))
+    return _Prepared(method, tuple(config for config, _ in pairs), tuple(found.values()))
 
 
 def _with_components(config: RunConfig, choices: dict[str, ComponentChoice]) -> RunConfig:
@@ -195,7 +195,7 @@ def _rows(prepared: _Prepared, folder: Path, results: dict[str, Result]) -> list
         if result.grasps is None:
             return [BenchRow(method, note=f"failed: {result.error}", failed=True)]
         tested.append((config, result.grasps))
-    return [BenchRow(method, row, _settings(row), prepared.note) for row in summarise(tested)]
+    return [BenchRow(method, row, _settings(row)) for row in summarise(tested)]
 
 
 def _settings(row: Row) -> str:
@@ -251,6 +251,16 @@ def _told_maps(configs: Sequence[RunConfig]) -> str:
         ", ".join(dict.fromkeys(config.components[key].record.name for config in made))
         for key in ("generator", "fitter")
     ]
-    options = [config.components["planner"].options for config in made]
-    ranks = ", ".join(dict.fromkeys(str(getattr(one, "rank", "none")) for one in options))
-    return f"Contact maps from: {names[0]}; fitted by: {names[1]}; ranked by: {ranks}."
+    how = ", ".join(dict.fromkeys(_told_choice(config) for config in made))
+    return f"Contact maps from: {names[0]}; fitted by: {names[1]}; kept: {how}."
+
+
+def _told_choice(config: RunConfig) -> str:
+    """How a planner comes from contact maps to grasps, e.g. ``by stability, of 2 maps, closed``."""
+    options = config.components["planner"].options.model_dump()
+    told = [
+        f"by {options['rank']}" if "rank" in options else "",
+        f"of {options['maps']:g} maps each" if options.get("maps", 1) > 1 else "",
+        "closed" if options.get("close") else "not closed",
+    ]
+    return " ".join(filter(None, told))

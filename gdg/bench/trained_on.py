@@ -94,15 +94,13 @@ class TableObjects:
 
 def check_weights(
     method: Method, weights: RowWeights, objects: TableObjects, assets: Assets
-) -> str:
+) -> None:
     """Checks that weights were trained as the row says, by what their file says.
 
-    Returns:
-        What is to be said of the row all the same, or "".
-
     Raises:
-        RefusedWeights: a hand was seen that the row holds out, or not seen that it has seen; the
-            distance is another; or an object of the table was trained on, or chose the epoch.
+        RefusedWeights: a hand was seen that the row holds out, or another one than the row has
+            seen; the distance is another; or an object of the table was trained on, or chose the
+            epoch.
     """
     told = TrainedOn.of(weights)
     if seen := told.saw(objects):
@@ -112,32 +110,34 @@ def check_weights(
     if method.planner_weights:
         if told.hand_body != body_of(method, assets):
             raise RefusedWeights(f"{weights.path} is for another hand than this {method.hand}.")
-        return ""
+        return
     distance = told.distance.partition("/")[0]
     if distance != method.distance:
         raise RefusedWeights(
             f"{weights.path} was trained with the distance '{distance}', but the row is of "
             f"'{method.distance}'."
         )
-    return _checked_hands(method, weights, told, assets)
+    _check_hands(method, weights, told, assets)
 
 
-def _checked_hands(method: Method, weights: RowWeights, told: TrainedOn, assets: Assets) -> str:
+def _check_hands(method: Method, weights: RowWeights, told: TrainedOn, assets: Assets) -> None:
     name, hand = method.hand, assets.hand(method.hand)
-    same = [n for n, key in told.hand_hashes.items() if hand and key == hand.content_hash]
-    if not method.held_out:
-        if not same and name not in told.hands:
-            seen = ", ".join(told.hands) or "none"
-            raise RefusedWeights(f"{weights.path} was not trained on {name}, only on {seen}.")
-        return "" if same else f"seen as another model: {weights.path} knows another {name}."
-    if same or name in told.hands:
-        as_whom = f" as '{same[0]}'" if same and same[0] != name else ""
-        raise RefusedWeights(f"{weights.path} was trained on {name}{as_whom}.")
-    if name not in told.held_out_hands:
+    if method.held_out:
+        if name in told.hands:
+            raise RefusedWeights(f"{weights.path} was trained on {name}.")
+        if name not in told.held_out_hands:
+            raise RefusedWeights(
+                f"{weights.path} does not say that {name} was held out; train with "
+                f"exclude_hand={name}."
+            )
+    elif name not in told.hands:
+        seen = ", ".join(told.hands) or "none"
+        raise RefusedWeights(f"{weights.path} was not trained on {name}, only on {seen}.")
+    elif hand and told.hand_hashes.get(name) != hand.content_hash:
         raise RefusedWeights(
-            f"{weights.path} does not say that {name} was held out; train with exclude_hand={name}."
+            f"{weights.path} was trained on another {name} than {hand.folder}; test the hand that "
+            f"was trained on (without GDG_HANDS_PATH, say), or train on this one."
         )
-    return ""
 
 
 def _object_name(given: str) -> str:

@@ -32,8 +32,8 @@ class FitOptions(Options):
             hand finds the contacts first and ends outside the object.
         limit_weight: weight of the joint-limit norm E_n.
         self_weight: weight of self-penetration, per metre; 0 leaves it out.
-        keep: how many particles of each map are returned, the lowest energies first; a planner
-            chooses among them. The paper keeps one.
+        keep: how many particles of each map are returned, the lowest energies first, at most all; a
+            planner chooses among them. The paper keeps one.
     """
 
     particles: Count = 32

@@ -25,8 +25,9 @@ from gdg.objects.model import ObjectModel
 from gdg.penetration.table import raised
 from gdg.scenes.reach import reachable
 
-#: Points of object and hand that particles hold at once; bounds the memory at about 0.6 GB.
-MAX_POINTS = 256 * (2048 + 1600)
+#: Points of object and hand in one evaluation, and particles of the maps that are fitted together;
+#: both bound the memory, however many maps there are.
+MAX_POINTS, MAX_PARTICLES = 256 * (2048 + 1600), 2048
 #: Fitted hands end at least so high above a table, metres.
 TABLE_CLEARANCE_M = 0.001
 
@@ -93,28 +94,35 @@ class ParticleFitter(Fitter, Generic[AnyOptions]):
     ) -> GraspSet:
         """The best particles of each map, in the order of the maps; see the interface."""
         energy = self.energy(hand, obj, maps)
-        each = self.options.particles
-        particles = Particles(
-            self._start(hand, obj, each * len(maps), generator),
-            torch.arange(len(maps), device=hand.device).repeat_interleave(each),
-        )
         rounds = [(one, energy.on(_some(energy, one.points, generator))) for one in self.rounds()]
-        steps = _Steps(rounds, len(maps), progress)
+        size = max(1, MAX_PARTICLES // self.options.particles)
+        groups = torch.arange(len(maps), device=hand.device).split(size)
+        steps = _Steps(len(groups), sum(one.steps for one, _ in rounds), progress)
+        found = [self._fitted(energy, rounds, group, generator, steps) for group in groups]
+        return self._grasps(hand, obj, maps, Judged.joined(found))
+
+    def _fitted(
+        self,
+        energy: FitEnergy,
+        rounds: Sequence[tuple[Round, FitEnergy]],
+        maps: Int[Tensor, "map"],
+        generator: torch.Generator,
+        steps: _Steps,
+    ) -> Judged:
+        """The particles that are kept of some of the maps, after all rounds."""
+        hand, obj, each = energy.hand, energy.obj, self.options.particles
+        starts = self._start(hand, obj, each * len(maps), generator)
+        particles = Particles(starts, maps.repeat_interleave(each))
         for one, coarse in rounds:
             if one.particles < each:
-                energies = _judged(coarse, particles).energies["total"]
-                particles = particles.select(_best(energies, each, one.particles))
-                each = one.particles
-            parts = particles.split(_held_at_once(coarse))
-            moved = [_descend(coarse, part, one, steps) for part in parts]
-            particles = Particles(torch.cat(moved), particles.maps)
-            steps.before += one.steps
+                best = _best(_totals(coarse, particles), each, one.particles)
+                particles, each = particles.select(best), one.particles
+            particles = _descended(coarse, particles, one, steps)
         q = hand.clamp(particles.q)
         if obj.table is not None:
             q = raised(hand, obj.table, q, TABLE_CLEARANCE_M)
-        fitted = _judged(energy, Particles(q, particles.maps))
-        kept = fitted.select(_best(fitted.energies["total"], each, self.options.keep))
-        return self._grasps(hand, obj, maps, kept)
+        judged = _judged(energy, Particles(q, particles.maps))
+        return judged.select(_best(judged.energies["total"], each, self.options.keep))
 
     def energy(self, hand: HandModel, obj: ObjectModel, maps: ContactMap) -> FitEnergy:
         """What a fit to these maps minimises.
@@ -156,6 +164,18 @@ class Judged:
     energies: dict[str, Float[Tensor, "batch"]]
     contact_values: Float[Tensor, "batch object_point"]
 
+    @classmethod
+    def joined(cls, parts: Sequence[Judged]) -> Judged:
+        """All parts as one, in order."""
+        return cls(
+            torch.cat([part.q for part in parts]),
+            {
+                name: torch.cat([part.energies[name] for part in parts])
+                for name in parts[0].energies
+            },
+            torch.cat([part.contact_values for part in parts]),
+        )
+
     def select(self, rows: Int[Tensor, "kept"]) -> Judged:
         """Some rows, in the given order."""
         energies = {name: values[rows] for name, values in self.energies.items()}
@@ -163,75 +183,72 @@ class Judged:
 
 
 class _Steps:
-    """Counts steps: of the whole fit for the penetration weight, of all parts for people.
+    """Counts the steps of a fit: for people, and within a group for the penetration weight."""
 
-    Attributes:
-        before: steps of the rounds that are done.
-    """
-
-    def __init__(
-        self,
-        rounds: Sequence[tuple[Round, FitEnergy]],
-        maps: int,
-        progress: Progress | None,
-    ):
-        self.before, self._all = 0, sum(one.steps for one, _ in rounds)
-        parts = [math.ceil(maps * one.particles / _held_at_once(coarse)) for one, coarse in rounds]
-        self._done = 0
-        self._total = sum(one.steps * count for (one, _), count in zip(rounds, parts, strict=True))
+    def __init__(self, groups: int, each: int, progress: Progress | None):
+        self._each, self._total, self._done = each, groups * each, 0
         self._progress = progress
 
-    def fraction(self, step: int) -> float:
-        """How far the fit is in a step of the current round, from 0 to 1."""
-        return (self.before + step) / max(1, self._all - 1)
+    @property
+    def fraction(self) -> float:
+        """How far the fit of the present group is: 0 in its first step, 1 in its last."""
+        return (self._done % self._each) / max(1, self._each - 1)
 
     def advance(self) -> None:
-        """A part has taken one more step."""
+        """One more step is done."""
         self._done += 1
         if self._progress is not None:
             self._progress(self._done, self._total)
 
 
-def _descend(energy: FitEnergy, part: Particles, one: Round, steps: _Steps) -> Tensor:
-    """q of some particles after the steps of a round."""
-    if len(part.q) == 0:
-        return part.q
-    q = part.q.clone().requires_grad_(True)
-    optimiser = torch.optim.Adam([q], lr=one.learning_rate)
-    index = None
+def _descended(energy: FitEnergy, particles: Particles, one: Round, steps: _Steps) -> Particles:
+    """The particles after the steps of a round."""
+    parts = particles.split(_held_at_once(energy))
+    moving = [part.q.clone().requires_grad_(True) for part in parts]
+    index: list[Tensor | None] = [None] * len(parts)
+    optimiser = torch.optim.Adam(moving, lr=one.learning_rate)
     for step in range(one.steps):
         optimiser.zero_grad()
-        known = None if step % energy.options.search_every == 0 else index
-        terms = energy.terms(q, part.maps, known)
-        index = terms.hand_index
-        energy.total(terms, steps.fraction(step)).sum().backward()
-        if q.grad is not None:  # a particle that diverged must not spoil the others
-            q.grad.nan_to_num_(nan=0.0, posinf=0.0, neginf=0.0)
+        for number, (q, part) in enumerate(zip(moving, parts, strict=True)):
+            searched = step % energy.options.search_every == 0
+            terms = energy.terms(q, part.maps, None if searched else index[number])
+            index[number] = terms.hand_index
+            energy.total(terms, steps.fraction).sum().backward()
+            if q.grad is not None:  # a particle that diverged must not spoil the others
+                q.grad.nan_to_num_(nan=0.0, posinf=0.0, neginf=0.0)
         optimiser.step()
         steps.advance()
-    return q.detach()
+    return Particles(torch.cat([q.detach() for q in moving]), particles.maps)
+
+
+@torch.no_grad()
+def _totals(energy: FitEnergy, particles: Particles) -> Float[Tensor, "batch"]:
+    """Energies with an exact search and the final weights; those of lost particles are inf."""
+    parts = particles.split(_held_at_once(energy))
+    return torch.cat([_or_inf(energy.total(energy.terms(part.q, part.maps))) for part in parts])
 
 
 @torch.no_grad()
 def _judged(energy: FitEnergy, particles: Particles) -> Judged:
-    """Energies with an exact search and the final weights; those of lost particles are inf."""
-    energies: dict[str, list[Tensor]] = {}
-    values = []
+    """The particles with their energies as ``_totals``, the terms and the contact maps."""
+    found = []
     for part in particles.split(_held_at_once(energy)):
         terms = energy.terms(part.q, part.maps)
-        found = {
-            "total": energy.total(terms).nan_to_num(nan=float("inf")),
+        energies = {
+            "total": _or_inf(energy.total(terms)),
             "contact": terms.contact,
             "penetration": terms.penetration,
             "limits": terms.limits,
             "self_penetration": terms.self_penetration,
             "penetration_depth_mm": 1000 * terms.depth,
         }
-        for name, term in found.items():
-            energies.setdefault(name, []).append(term.cpu())
-        values.append(terms.values.cpu())
-    joined = {name: torch.cat(terms) for name, terms in energies.items()}
-    return Judged(particles.q.cpu(), joined, torch.cat(values))
+        cpu = {name: values.cpu() for name, values in energies.items()}
+        found.append(Judged(part.q.cpu(), cpu, terms.values.cpu()))
+    return Judged.joined(found)
+
+
+def _or_inf(energies: Float[Tensor, "batch"]) -> Float[Tensor, "batch"]:
+    return energies.nan_to_num(nan=math.inf, posinf=math.inf)
 
 
 def _held_at_once(energy: FitEnergy) -> int:

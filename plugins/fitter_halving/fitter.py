@@ -12,18 +12,18 @@ from .options import HalvingOptions
 class HalvingFitter(ParticleFitter[HalvingOptions]):
     """Successive halving (Karnin et al. 2013) of the paper's particles, coarse to fine.
 
-    Most starts end in poor minima, which a tenth of the object's points tells soon; so the same
+    Most starts end in poor minima, which a sixteenth of the object's points tells soon; so the same
     time is better spent on many starts of which few are followed to the end.
     """
 
     def rounds(self) -> Sequence[Round]:
-        """All rounds; the first steps that don't divide among them go to the last."""
+        """All rounds, with equally many steps; the last takes what does not divide, too."""
         return [self._round(number) for number in range(self.options.rounds)]
 
     def _round(self, number: int) -> Round:
         chosen, last = self.options, self.options.rounds - 1
         share = number / last
-        finalists = min(chosen.finalists, chosen.particles)
+        finalists = min(max(chosen.finalists, chosen.keep), chosen.particles)
         steps = chosen.steps // chosen.rounds
         return Round(
             round(_between(chosen.particles, finalists, share)),

@@ -8,6 +8,8 @@ from pydantic import Field
 
 from gdg.fitting.options import Count, FitOptions, Rate, Steps
 
+Points = Annotated[int, Field(ge=1)]
+
 
 class HalvingOptions(FitOptions):
     """Options of ``HalvingFitter``, beside those of every fit.
@@ -18,7 +20,8 @@ class HalvingOptions(FitOptions):
         rounds: how often the worst particles are dropped, plus one.
         steps: Adam steps of all rounds together.
         particles: starts per contact map.
-        finalists: particles per map in the last round.
+        finalists: particles per map in the last round; as many as ``keep`` if that is more, and
+            never more than ``particles``.
         first_points: object points at which the first round compares the maps.
         last_points: object points of the last round.
         learning_rate: of every entry of q (metres, rot6d, radians), in the first round.
@@ -29,7 +32,7 @@ class HalvingOptions(FitOptions):
     steps: Steps = 100
     particles: Count = 128
     finalists: Count = 8
-    first_points: Steps = 128
-    last_points: Steps = 1024
+    first_points: Points = 128
+    last_points: Points = 1024
     learning_rate: Rate = 1e-2
     last_learning_rate: Rate = 5e-3

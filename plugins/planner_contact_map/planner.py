@@ -51,18 +51,20 @@ class ContactMapPlanner(Planner):
         with _timed(seconds, "fit"):
             fits = self._fitter.fit(hand, obj, maps, generator, progress)
         grasps = _sound(fits, len(maps))
-        by_energy = self.options.rank == "energy"
-        if by_energy:  # what is not chosen needs no closing
+        stable = self.options.rank == "stability"
+        if not stable and obj.table is None:  # what is not chosen needs no closing
             with _timed(seconds, "rank"):
-                grasps = _best_of_each_map(keep_above(hand, obj, grasps), count)
+                grasps = _best_of_each_map(grasps, count)
         if self.options.close:
             with _timed(seconds, "close"):
                 grasps = _closed(hand, obj, grasps)
-        if not by_energy:
+        if stable or obj.table is not None:
             with _timed(seconds, "rank"):
                 grasps = keep_above(hand, obj, grasps)
-                most = self.options.max_overlap_mm
-                grasps = _best_of_each_map(judged_by_stability(hand, obj, grasps, most), count)
+                if stable:
+                    most = self.options.max_overlap_mm
+                    grasps = judged_by_stability(hand, obj, grasps, most)
+                grasps = _best_of_each_map(grasps, count)
         return replace(grasps, provenance={**grasps.provenance, "seconds": seconds})
 
 

@@ -197,6 +197,7 @@ def test_splitting_the_maps_into_batches_keeps_their_order(
 ):
     held = len(cube.points) + len(gripper_model.surface.points)
     monkeypatch.setattr("gdg.fitting.particles.MAX_POINTS", 4 * held)
+    monkeypatch.setattr("gdg.fitting.particles.MAX_PARTICLES", 4)
     values = torch.cat((maps.values, torch.zeros_like(maps.values), torch.ones_like(maps.values)))
     reported: list[tuple[int, int]] = []
     found = fitter(particles=2, steps=3).fit(
@@ -253,6 +254,17 @@ def test_a_particle_that_is_not_finite_leaves_the_others_alone(
     assert others.tolist() == sorted(set(others.tolist()))
     torch.testing.assert_close(spoiled.joints[:3], sane.joints[others])
     torch.testing.assert_close(spoiled.poses[:3], sane.poses[others], rtol=1e-4, atol=1e-5)
+
+
+def test_an_infinite_energy_is_told_from_a_large_one(
+    gripper_model: HandModel, cube: ObjectModel, maps: ContactMap, monkeypatch: pytest.MonkeyPatch
+):
+    def far(hand: HandModel, q: Tensor) -> Tensor:
+        return torch.full((len(q),), math.inf)
+
+    monkeypatch.setattr(type(gripper_model), "limit_violation", far)
+    found = fitter(particles=2, steps=1).fit(gripper_model, cube, maps, seeded())
+    assert found.status == ("diverged",)
 
 
 def test_a_diverged_particle_is_never_the_best(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 import torch
 from gdg_plugins.distance_aligned.distance import AlignedDistance
@@ -13,6 +15,7 @@ from gdg_plugins.fitter_halving.options import HalvingOptions
 
 from gdg.contact_maps import contact_map_of
 from gdg.data.contact_map import ContactMap
+from gdg.fitting.particles import _best
 from gdg.kinds.hand_model import HandModel
 from gdg.objects.model import ObjectModel
 from gdg.rotations import q_from_pose
@@ -64,15 +67,42 @@ def test_the_grasps_of_a_map_are_sorted_and_as_many_as_asked_for(
     torch.testing.assert_close(found.energies["contact"], contact)
 
 
-def test_no_map_costs_more_than_a_fit_of_all_its_finalists_alone(
-    gripper_model: HandModel, cube: ObjectModel, maps: ContactMap
+@pytest.mark.parametrize("number", [0, 1])
+def test_every_map_is_fitted_better_than_by_the_same_work_of_few_starts(
+    gripper_model: HandModel, cube: ObjectModel, maps: ContactMap, number: int
 ):
-    """The best of many starts, told early, are better than as many starts as are followed."""
+    one = replace(maps, values=maps.values[number : number + 1])
+    points = len(cube.points)
     few = AdamFitter(AdamOptions(particles=4, steps=40, keep=4), distance=DISTANCE)
-    many = fitter(particles=48, steps=40, finalists=4, keep=4)
-    fits = [run.fit(gripper_model, cube, maps, seeded()) for run in (few, many)]
-    few_energy, many_energy = (fit.energies["total"].mean().item() for fit in fits)
-    assert many_energy < few_energy
+    options = {"particles": 64, "steps": 39, "finalists": 4, "keep": 4}
+    many = fitter(first_points=points // 16, last_points=points // 2, **options)
+    work = sum(step.particles * step.steps * (step.points or points) for step in many.rounds())
+    assert work < 4 * 40 * points
+    worst = [run.fit(gripper_model, cube, one, seeded()).energies["total"][-1].item()
+             for run in (few, many)]  # fmt: skip
+    assert worst[1] < 0.9 * worst[0]
+
+
+def test_the_best_of_each_map_go_on():
+    energies = torch.tensor([3.0, 1.0, 2.0, 0.1, 0.3, 0.2])
+    assert _best(energies, each=3, count=2).tolist() == [1, 2, 3, 5]
+
+
+def test_maps_are_fitted_in_groups_that_keep_their_order(
+    gripper_model: HandModel, cube: ObjectModel, maps: ContactMap, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr("gdg.fitting.particles.MAX_PARTICLES", 8)
+    reported: list[tuple[int, int]] = []
+    run = fitter(particles=8, finalists=2, keep=2, steps=6, sharpen=False)
+    found = run.fit(gripper_model, cube, maps, seeded(), lambda *step: reported.append(step))
+    assert reported == [(step, 12) for step in range(1, 13)]
+    assert found.contact_values is not None
+    contact = (found.contact_values - maps.values.repeat_interleave(2, 0)).abs().mean(-1)
+    torch.testing.assert_close(found.energies["contact"], contact)
+
+
+def test_as_many_as_are_to_be_kept_reach_the_last_round():
+    assert fitter(keep=12).rounds()[-1].particles == 12
 
 
 def test_the_same_seed_gives_the_same_grasps(
@@ -82,14 +112,3 @@ def test_the_same_seed_gives_the_same_grasps(
     runs = [run.fit(gripper_model, cube, maps, seeded(seed)) for seed in (3, 3, 4)]
     assert torch.equal(runs[0].poses, runs[1].poses)
     assert not torch.equal(runs[0].poses, runs[2].poses)
-
-
-def test_all_steps_of_all_parts_are_reported(
-    gripper_model: HandModel, cube: ObjectModel, maps: ContactMap, monkeypatch: pytest.MonkeyPatch
-):
-    hand_points = len(gripper_model.surface.points)
-    monkeypatch.setattr("gdg.fitting.particles.MAX_POINTS", 8 * (hand_points + 32))
-    reported: list[tuple[int, int]] = []
-    run = fitter(rounds=2, particles=8, finalists=2, steps=4, first_points=32, last_points=32)
-    run.fit(gripper_model, cube, maps, seeded(), lambda *step: reported.append(step))
-    assert reported == [(step, 6) for step in range(1, 7)]  # two parts, then one, of two steps
