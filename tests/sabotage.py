@@ -386,6 +386,7 @@ class TakesTablesAway(SapienSimulator):
         if protocol.needs_table:
             lift = protocol.lift.model_copy(update={"support": "none"})
             protocol = protocol.model_copy(update={"lift": lift})
+            obj = replace(obj, scene=None)
         return super().simulate(hand, obj, grasps, protocol, progress)
 
 

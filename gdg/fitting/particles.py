@@ -94,7 +94,8 @@ class ParticleFitter(Fitter, Generic[AnyOptions]):
     ) -> GraspSet:
         """The best particles of each map, in the order of the maps; see the interface."""
         energy = self.energy(hand, obj, maps)
-        rounds = [(one, energy.on(_some(energy, one.points, generator))) for one in self.rounds()]
+        plan = self.rounds() if len(maps) else ()
+        rounds = [(one, energy.on(_some(energy, one.points, generator))) for one in plan]
         size = max(1, MAX_PARTICLES // self.options.particles)
         groups = torch.arange(len(maps), device=hand.device).split(size)
         steps = _Steps(len(groups), sum(one.steps for one, _ in rounds), progress)
