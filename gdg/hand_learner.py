@@ -11,6 +11,7 @@ from torch import nn
 
 from gdg.components import Options
 from gdg.errors import GdgError
+from gdg.hand_learner_options import HandLearnerOptions
 from gdg.hand_weights import HandWeights, load_network
 from gdg.kinds.hand_model import HandModel
 from gdg.kinds.planner import Planner
@@ -36,8 +37,9 @@ class HandLearner(Planner, Trainable, Generic[Network]):
     batch_kind: ClassVar[BatchKind] = "grasps"
     stored: ClassVar[HandWeights]
 
-    def __init__(self, options: Options):
+    def __init__(self, options: HandLearnerOptions):
         super().__init__(options)
+        self._given = options.weights
         self._loaded: dict[str, tuple[WeightsFile, Network]] = {}
 
     @abstractmethod
@@ -53,8 +55,8 @@ class HandLearner(Planner, Trainable, Generic[Network]):
         Lightning takes seconds.
         """
 
-    def loaded(self, given: str, hand: HandModel) -> tuple[WeightsFile, Network]:
-        """The weights that a name, a path or "" means for a hand, and the network with them.
+    def loaded(self, hand: HandModel) -> tuple[WeightsFile, Network]:
+        """The weights that the options mean for a hand, and the network with them.
 
         They are read once for each hand.
 
@@ -63,7 +65,8 @@ class HandLearner(Planner, Trainable, Generic[Network]):
         """
         key = f"{hand.hand.folder} {hand.hand.content_hash} {hand.device}"
         if key not in self._loaded:
-            weights, network = self.stored.load(given, hand.hand), self.network_of(hand)
+            weights = self.stored.load(self._given, hand.hand)
+            network = self.network_of(hand)
             load_network(weights, network)
             self._loaded[key] = weights, network.to(hand.device)
         return self._loaded[key]

@@ -66,7 +66,7 @@ class HandWeights:
                 return found
         raise MissingWeights(
             f"planner '{self.planner}' has no weights for the hand '{hand.name}' in "
-            f"{hand.folder}: train them with '{self._train_command(hand)}' and give "
+            f"{hand.folder}: train them with '{self.train_command(hand)}' and give "
             f"planner.weights=PATH of the {SUFFIX} file that it writes."
         )
 
@@ -111,10 +111,11 @@ class HandWeights:
         other = ", one with other joints or shapes" if known["hand"] == hand.name else ""
         raise GdgError(
             f"{found.path}: these weights are for the hand '{known['hand']}'{other}, not for "
-            f"'{hand.name}' in {hand.folder}; train some with '{self._train_command(hand)}'."
+            f"'{hand.name}' in {hand.folder}; train some with '{self.train_command(hand)}'."
         )
 
-    def _train_command(self, hand: Hand) -> str:
+    def train_command(self, hand: Hand) -> str:
+        """The command that trains weights for a hand, for messages."""
         return f"gdg train planner={self.planner} hand={hand.name} data=DATASET"
 
 

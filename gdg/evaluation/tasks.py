@@ -6,24 +6,25 @@ import json
 import time
 from dataclasses import dataclass, field, replace
 from typing import Any
-from weakref import WeakKeyDictionary, WeakSet
 
 from gdg.assemble import Assembler
 from gdg.config import RunConfig
 from gdg.data.grasps import GraspSet
 from gdg.errors import GdgError
 from gdg.evaluation.hardware import hardware, load
-from gdg.kinds.hand_model import HandModel
 from gdg.metrics import palm_directions
-from gdg.pipeline.fingerprint import plan_fingerprint
+from gdg.pipeline.fingerprint import PLANNING, plan_fingerprint, used_components
 from gdg.pipeline.pair import Pair, generator_for
 
 #: Metrics that hold where the palm looks, object frame.
 PALM = ("palm_x", "palm_y", "palm_z")
 #: Pairs of hand and object that a worker keeps loaded.
 PAIRS_KEPT = 4
-#: Sets of components (networks with their weights) that a worker keeps.
-COMPONENTS_KEPT = 4
+#: Components of the other stage, the test.
+TESTING = ("simulator",)
+#: Sets of components of a stage that a worker keeps: more than the methods of a table, each a few
+#: MB of weights. One that has gone must be built, and its weights read, again.
+COMPONENTS_KEPT = 16
 
 
 @dataclass(frozen=True)
@@ -56,10 +57,9 @@ def run_task(task: Task) -> GraspSet:
             f"component, are not those with which the run began; start it again (on a cluster: "
             f"with the same files and versions on every node)."
         )
-    pair = _LOADED.pair(task.config)
     if task.planned is None:
-        return _planned(pair)
-    return _tested(pair, task.planned)
+        return _planned(_LOADED.pair(task.config, PLANNING))
+    return _tested(_LOADED.pair(task.config, TESTING), task.planned)
 
 
 def forget_pairs() -> None:
@@ -106,13 +106,12 @@ class _Loaded:
     def __init__(self) -> None:
         self._pairs: dict[str, Pair] = {}
         self._components: dict[str, Assembler] = {}
-        #: Components -> the hands that they have planned for in this process.
-        self._warm: WeakKeyDictionary[Assembler, WeakSet[HandModel]] = WeakKeyDictionary()
+        #: Hand and planning components that have planned in this process, kept or not.
+        self._warm: set[tuple[str, str]] = set()
 
-    def pair(self, config: RunConfig) -> Pair:
-        """The pair of a config; what was loaded for another one is shared."""
-        job, tree = config.job, config.as_tree()
-        hand_key = json.dumps([job.hand, job.device, tree["hand_model"]])
+    def pair(self, config: RunConfig, stages: tuple[str, ...]) -> Pair:
+        """The pair of a config for some stages; what was loaded for another one is shared."""
+        job, hand_key = config.job, _hand_key(config)
         placed = [job.object, job.object_scale, job.scene, job.scene_pose]
         pair_key = json.dumps([hand_key, *placed])
         known = self._pairs.pop(pair_key, None)
@@ -122,20 +121,21 @@ class _Loaded:
         self._pairs[pair_key] = known
         for key in list(self._pairs)[:-PAIRS_KEPT]:
             del self._pairs[key]
-        return replace(known, config=config, job=job, components=self._assembler(config, tree))
+        return replace(known, config=config, job=job, components=self._assembler(config, stages))
 
     def warm_up(self, pair: Pair) -> None:
-        """Plans a grasp that is thrown away, the first time these components meet this hand.
+        """Plans a grasp that is thrown away, the first time a hand meets planning components.
 
-        So the seconds of what is planned next hold no compiling and no reading of weights.
+        So the seconds of what is planned next hold no compiling, and no reading of weights unless
+        there are more than ``COMPONENTS_KEPT`` settings.
         """
-        hands = self._warm.setdefault(pair.components, WeakSet())
-        if pair.hand not in hands:
+        key = _hand_key(pair.config), _components_key(pair.config, PLANNING)
+        if key not in self._warm:
             pair.components.get("planner").plan(pair.hand, pair.obj, 1, generator_for(0))
-            hands.add(pair.hand)
+            self._warm.add(key)
 
-    def _assembler(self, config: RunConfig, tree: dict[str, Any]) -> Assembler:
-        key = json.dumps([tree[name] for name in sorted(config.components)])
+    def _assembler(self, config: RunConfig, stages: tuple[str, ...]) -> Assembler:
+        key = _components_key(config, stages)
         assembler = self._components.pop(key, None) or Assembler(config.components)
         self._components[key] = assembler
         for other in list(self._components)[:-COMPONENTS_KEPT]:
@@ -145,6 +145,19 @@ class _Loaded:
     def clear(self) -> None:
         self._pairs.clear()
         self._components.clear()
+        self._warm.clear()
+
+
+def _hand_key(config: RunConfig) -> str:
+    """What tells the hands that are loaded apart."""
+    job = config.job
+    return json.dumps([job.hand, job.device, config.components["hand_model"].as_tree()])
+
+
+def _components_key(config: RunConfig, stages: tuple[str, ...]) -> str:
+    """What tells components apart that serve some stages, whatever the others are."""
+    used = used_components(config, stages)
+    return json.dumps({name: config.components[name].as_tree() for name in used})
 
 
 _LOADED = _Loaded()

@@ -16,6 +16,7 @@ from gdg.data.dataset import shard_path, write_shard
 from gdg.data.grasps import GraspSet
 from gdg.data.layouts.compact import Group, read_compact
 from gdg.data.layouts.lookup import Lookup
+from gdg.data.scene import TableScene
 from gdg.data.shards import ShardInfo, read_info
 from gdg.errors import GdgError, GdgErrors
 from gdg.kinds.hand_model import HandModel
@@ -25,6 +26,7 @@ from gdg.pipeline.jobs import DEFAULTS
 from gdg.pipeline.workers import run_all
 from gdg.protocols import Protocol, load_protocol
 from gdg.registry import get_registry
+from gdg.scenes.place import on_table_again
 from gdg.splits.catalogue import TEST, is_test_object
 from gdg.starts import prepare, simulated
 
@@ -152,8 +154,8 @@ def rebuild_group(task: RebuildTask) -> RebuildResult:
 def _rebuild(task: RebuildTask) -> RebuildResult:
     loaded, group = _loaded(task.file, task.lookup.words()), task.group
     grasps = loaded.stored.grasps(group, np.array(task.rows))
-    hand, obj, changed = _load(task, loaded)
-    obj = replace(obj, scene=grasps.scene)
+    hand, obj, changed = _load(task, loaded, grasps.scene)
+    grasps = replace(grasps, scene=obj.scene)
     key = content_hash(
         "rebuild-2", grasps.poses.numpy().tobytes(), grasps.joints.numpy().tobytes(),
         hand.hand.content_hash, obj.content_hash, group.protocol, int(group.refined),
@@ -205,8 +207,13 @@ def _there(path: Path) -> ShardInfo | None:
         return None
 
 
-def _load(task: RebuildTask, loaded: _Loaded) -> tuple[HandModel, ObjectModel, list[str]]:
-    """Hand and object, and how they differ from those that the grasps were made with."""
+def _load(
+    task: RebuildTask, loaded: _Loaded, scene: TableScene | None
+) -> tuple[HandModel, ObjectModel, list[str]]:
+    """Hand and object in its scene, and how they differ from those the grasps were made with.
+
+    An object that has changed is put on its table anew.
+    """
     group, stored = task.group, loaded.stored
     hand = loaded.lookup.hand(group.hand)
     facts = stored.hands[group.hand]
@@ -233,6 +240,10 @@ def _load(task: RebuildTask, loaded: _Loaded) -> tuple[HandModel, ObjectModel, l
             for text in changed
         )
     notes = [f"{text}; stored verdicts were dropped." for text in changed]
+    if scene is not None and obj.content_hash != object_facts.content_hash:
+        obj = on_table_again(obj, scene)
+    else:
+        obj = replace(obj, scene=scene)
     return loaded.model(group.hand), obj, notes
 
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from gdg.data.scene import TableScene
 from gdg.data.table import Table
 from gdg.errors import GdgError
 from gdg.objects.model import ObjectModel
 from gdg.protocols import Protocol
-from gdg.scenes.resting import resting_poses
+from gdg.scenes.resting import SAME_POSE_RAD, RestingPose, resting_poses
 
 
 def on_table(obj: ObjectModel, pose: int = 0) -> ObjectModel:
@@ -29,10 +31,28 @@ def on_table(obj: ObjectModel, pose: int = 0) -> ObjectModel:
         raise GdgError(
             f"scene_pose={pose}: '{obj.name}' has the resting poses {listed}; choose one of them."
         )
-    chosen = poses[pose]
-    x, y, z = (float(value) for value in chosen.up)
-    table = Table((x, y, z), chosen.offset)
-    return replace(obj, scene=TableScene(table, pose, chosen.probability))
+    return replace(obj, scene=_scene(poses, pose))
+
+
+def on_table_again(obj: ObjectModel, scene: TableScene) -> ObjectModel:
+    """Another version of an object, at rest on the side that the first one rested on.
+
+    Args:
+        obj: the version of now, in the frame of the first one.
+        scene: of the first one.
+
+    Raises:
+        GdgError: it rests on no side within ``SAME_POSE_RAD`` of that one.
+    """
+    poses = resting_poses(obj)
+    cosines = [float(pose.up @ np.array(scene.table.normal)) for pose in poses]
+    nearest = int(np.argmax(cosines))
+    if cosines[nearest] < np.cos(SAME_POSE_RAD):
+        raise GdgError(
+            f"'{obj.name}': {obj.path} doesn't rest on a table as the version did that the grasps "
+            f"were made with; give that version."
+        )
+    return replace(obj, scene=_scene(poses, nearest))
 
 
 def check_protocol(protocol: Protocol, on_table: bool) -> None:
@@ -51,3 +71,10 @@ def check_protocol(protocol: Protocol, on_table: bool) -> None:
             f"protocol={protocol.name}: lifts the object from a table, but there is none; write "
             f"scene=tabletop."
         )
+
+
+def _scene(poses: list[RestingPose], number: int) -> TableScene:
+    """The scene of a resting pose."""
+    chosen = poses[number]
+    x, y, z = (float(value) for value in chosen.up)
+    return TableScene(Table((x, y, z), chosen.offset), number, chosen.probability)

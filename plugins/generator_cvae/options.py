@@ -13,9 +13,9 @@ class CvaeOptions(Options):
     """Options of ``CvaeGenerator``.
 
     Attributes:
-        weights: name of bundled weights (``full``: no hand held out), or the path of a
-            ``.safetensors`` file that ``gdg train`` wrote or of a ``.pth`` file that the method's
-            authors released.
+        weights: name of bundled weights (the cards in ``weights/`` say which hands and objects
+            each has seen), or the path of a ``.safetensors`` file that ``gdg train`` wrote or of a
+            ``.pth`` file that the method's authors released.
         temperature: standard deviation of the latent; the network is trained for 1, and less
             gives maps nearer to the average one.
         batch: maps decoded at a time, which bounds memory (about 10 MB per map).

@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gdg.rotations import ROOT_DIM
+from gdg.rotations import ROOT_DIM, rotation_from_rot6d
 
 #: Weights of the sum. With 0.05 per nat, a latent may cost as much as 5 mm off by each of some
 #: twenty degrees of freedom.
@@ -55,9 +55,19 @@ def parameter_loss(
     q: Float[Tensor, "batch dof"],
     predicted: Float[Tensor, "batch dof"],
     joint_half: Float[Tensor, "joint"],
+    grip: Float[Tensor, "3"],
 ) -> Float[Tensor, ""]:
-    """Squared error of q: translation in decimetres, rot6d, joints in halves of their range."""
-    shift = (10 * (predicted - q)[:, :3]).square().sum(-1)
+    """Squared error of q: grip in decimetres, rot6d, joints in halves of their range.
+
+    The grip's place is compared, not the root's, as it is what the network gives.
+
+    Args:
+        q: true pose vectors.
+        predicted: pose vectors.
+        joint_half: halves of the joints' ranges.
+        grip: its middle in the root frame, metres.
+    """
+    shift = (10 * (_grips(predicted, grip) - _grips(q, grip))).square().sum(-1)
     turn = (predicted - q)[:, 3:ROOT_DIM].square().sum(-1)
     joints = (predicted - q)[:, ROOT_DIM:] / joint_half.clamp(min=1e-3)
     return (shift + turn + joints.square().mean(-1)).mean()
@@ -131,6 +141,11 @@ def map_loss(
     weight = torch.exp(CONTACT_EXPONENT * values)
     squared = (weight * (values - predicted).square()).sum(-1) / weight.sum(-1)
     return (squared + 1e-12).sqrt().mean()
+
+
+def _grips(q: Float[Tensor, "batch dof"], grip: Float[Tensor, "3"]) -> Float[Tensor, "batch 3"]:
+    """Where the middle of the grip is, metres."""
+    return q[:, :3] + rotation_from_rot6d(q[:, 3:ROOT_DIM]) @ grip
 
 
 def _gaps(

@@ -77,7 +77,7 @@ class GraspCvaeModule(LightningModule):
         index = torch.cdist(true, points).argmin(1)
         terms = {
             "points_cm2": loss.surface_loss(hand_points, predicted),
-            "parameters": loss.parameter_loss(batch.q, q, cvae.joint_half),
+            "parameters": loss.parameter_loss(batch.q, q, cvae.joint_half, cvae.grip),
             "kl": loss.kl_divergence(mean, log_variance),
             "consistency": loss.consistency_loss(points, true, few, index, beside.hand_of_object),
             "touch_cm": loss.touch_loss(pads, points, beside.object_of_pad),

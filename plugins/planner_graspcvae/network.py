@@ -36,7 +36,8 @@ class GraspCvae(nn.Module):
     """Conditional variational auto-encoder of pose vectors.
 
     Args:
-        hand: gives the joints and their limits; nothing of it is stored with the weights.
+        hand: gives the joints, their limits and the grip. The grip is stored with the weights: it
+            follows from postures and contact regions, which may change while the body stays.
     """
 
     joint_middle: Tensor
@@ -50,7 +51,7 @@ class GraspCvae(nn.Module):
         self.register_buffer("joint_middle", middle, persistent=False)
         self.register_buffer("joint_half", half, persistent=False)
         self.register_buffer("rest", rest_points(hand), persistent=False)
-        self.register_buffer("grip", grip_center(hand), persistent=False)
+        self.register_buffer("grip", grip_center(hand))
         self.object_net = SharedMlp(3, 64, 128, FEATURES)
         self.hand_net = SharedMlp(6, 64, 128, FEATURES)
         self.posterior = mlp(2 * FEATURES, 256, 2 * LATENT)
@@ -173,8 +174,11 @@ def grip_center(hand: HandModel) -> Float[Tensor, "3"]:
 
 @torch.no_grad()
 def rest_points(hand: HandModel) -> Float[Tensor, "few_point 3"]:
-    """The thinned points of the open hand in its root frame, which name each point."""
-    poses = hand.link_poses_in_root(hand.open_posture[None])
+    """The thinned points of the hand in its root frame, which name each point; decimetres.
+
+    All joints are in mid-range: these points follow from the hand's body alone.
+    """
+    poses = hand.link_poses_in_root(((hand.lower + hand.upper) / 2)[None])
     return thinned(hand.place_surface(poses))[0] / UNIT_M
 
 

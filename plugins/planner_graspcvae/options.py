@@ -6,17 +6,15 @@ from typing import Annotated
 
 from pydantic import Field
 
-from gdg.components import Options
+from gdg.hand_learner_options import HandLearnerOptions
 
 Weight = Annotated[float, Field(ge=0)]
 
 
-class GraspCvaeOptions(Options):
+class GraspCvaeOptions(HandLearnerOptions):
     """Options of ``GraspCvaePlanner``; none of them matters to training.
 
     Attributes:
-        weights: path of a ``.safetensors`` file that ``gdg train`` wrote, or the name of bundled
-            weights; by default the bundled ones of the hand.
         temperature: standard deviation of the latent; the network is trained for 1.
         adapt: test-time adaptation: optimise each predicted grasp until its contact map agrees
             with the one that ContactNet predicts for it.
@@ -31,7 +29,6 @@ class GraspCvaeOptions(Options):
         close: flex fingers that are off the object until they touch it; not part of the method.
     """
 
-    weights: str = ""
     temperature: Annotated[float, Field(ge=0, le=3)] = 1.0
     adapt: bool = False
     adapt_steps: Annotated[int, Field(ge=1)] = 100

@@ -41,7 +41,7 @@ class GraspCvaePlanner(HandLearner[GraspNetworks]):
 
     options: GraspCvaeOptions
     stored: ClassVar[HandWeights] = HandWeights(
-        Path(__file__).parent / "weights", "graspcvae", "gdg-graspcvae-1"
+        Path(__file__).parent / "weights", "graspcvae", "gdg-graspcvae-2"
     )
 
     def __init__(self, options: GraspCvaeOptions, *, distance: Distance):
@@ -65,7 +65,7 @@ class GraspCvaePlanner(HandLearner[GraspNetworks]):
             GdgError: there are no weights for this hand, or they can't be read.
         """
         started = time.perf_counter()
-        weights, networks = self.loaded(self.options.weights, hand)
+        weights, networks = self.loaded(hand)
         agreement = Agreement(
             hand, obj, networks.contact, weights.metadata["distance"], self._distance, self.options
         )

@@ -61,7 +61,7 @@ def fingers_of(hand: HandModel) -> Fingers:
     The first is the one whose pads, in the posture halfway closed, look most against the others';
     then come those that look against it, the one whose tip is nearest to its own first; then the
     others. So the first two or three fingers can hold an object between them, and most grasps
-    use them: a thumb, the index and the middle finger.
+    use them: a thumb and the two fingers whose tips are nearest to its own.
 
     Raises:
         GdgError: fewer than two fingers have contact regions.

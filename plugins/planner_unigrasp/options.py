@@ -6,19 +6,17 @@ from typing import Annotated
 
 from pydantic import Field
 
-from gdg.components import Options
+from gdg.hand_learner_options import HandLearnerOptions
 
 Weight = Annotated[float, Field(ge=0)]
 Positive = Annotated[float, Field(gt=0)]
 Number = Annotated[int, Field(ge=1, le=4096)]
 
 
-class UniGraspOptions(Options):
+class UniGraspOptions(HandLearnerOptions):
     """Options of ``UniGraspPlanner``; none of them matters to training.
 
     Attributes:
-        weights: path of a ``.safetensors`` file that ``gdg train`` wrote, or the name of bundled
-            weights; by default the bundled ones of the hand.
         top: best-ranked sets of contact points that inverse kinematics is tried on: the paper's
             Top-1, Top-8, Top-32. No more grasps than this are found.
         contacts: fingers that get a contact point: the paper's at most 3, or the hand's number
@@ -44,7 +42,6 @@ class UniGraspOptions(Options):
         close: flex fingers that are off the object until they touch it; not part of the method.
     """
 
-    weights: str = ""
     top: Number = 32
     contacts: Annotated[int, Field(ge=0, le=32)] = 3
     width: Number = 256

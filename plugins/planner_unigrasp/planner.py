@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -11,20 +12,24 @@ from torch import Tensor
 
 from gdg.closure import close_until_touch
 from gdg.data.grasps import GraspSet
+from gdg.errors import GdgError
 from gdg.hand_learner import HandLearner
 from gdg.hand_weights import HandWeights
 from gdg.kinds.fitter import Progress
 from gdg.kinds.hand_model import HandModel
 from gdg.objects.model import ObjectModel
 from gdg.rotations import ROOT_DIM
+from gdg.weights_files import WeightsFile
 
 from .candidates import Candidates, candidates
-from .fingers import fingers_of
+from .fingers import Fingers, fingers_of
 from .network import ContactSelection
 from .options import UniGraspOptions
 from .reach import Reach, Terms
 
 if TYPE_CHECKING:
+    from lightning.pytorch import LightningModule
+
     from .module import UniGraspModule
 
 
@@ -37,7 +42,7 @@ class UniGraspPlanner(HandLearner[ContactSelection]):
 
     options: UniGraspOptions
     stored: ClassVar[HandWeights] = HandWeights(
-        Path(__file__).parent / "weights", "unigrasp", "gdg-unigrasp-1"
+        Path(__file__).parent / "weights", "unigrasp", "gdg-unigrasp-2"
     )
 
     def plan(
@@ -54,12 +59,13 @@ class UniGraspPlanner(HandLearner[ContactSelection]):
         starts. The total energy is the set's cost plus the energy of the fit.
 
         Raises:
-            GdgError: there are no weights for this hand, they can't be read, or fewer than two
-                fingers have contact regions.
+            GdgError: there are no weights for this hand, they can't be read, its fingers came in
+                another order when they were trained, or fewer than two have contact regions.
         """
         started = time.perf_counter()
-        weights, network = self.loaded(self.options.weights, hand)
+        weights, network = self.loaded(hand)
         fingers = fingers_of(hand)
+        self._check_order(weights, hand, fingers)
         fingers = fingers.first(self.options.contacts or len(fingers))
         found = candidates(network, obj, len(fingers), self.options)
         ranked = time.perf_counter()
@@ -91,6 +97,23 @@ class UniGraspPlanner(HandLearner[ContactSelection]):
         from .module import UniGraspModule  # Lightning takes seconds to import
 
         return UniGraspModule
+
+    @classmethod
+    def export(cls, module: LightningModule, path: Path, metadata: Mapping[str, Any]) -> None:
+        """Writes the network with the finger of each stage, which the hand's body doesn't tell."""
+        hand = module.hand
+        assert isinstance(hand, HandModel)
+        super().export(module, path, {**metadata, "fingers": list(fingers_of(hand).names)})
+
+    def _check_order(self, weights: WeightsFile, hand: HandModel, fingers: Fingers) -> None:
+        known, now = weights.metadata.get("fingers"), list(fingers.names)
+        if known != now:
+            command = self.stored.train_command(hand.hand)
+            raise GdgError(
+                f"{weights.path}: its stages are for the fingers {known}, but the order of "
+                f"'{hand.hand.name}' in {hand.hand.folder} is {now}: its postures or "
+                f"contact_regions have changed; train weights with '{command}'."
+            )
 
     @torch.no_grad()
     def _reached(

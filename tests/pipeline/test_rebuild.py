@@ -24,11 +24,14 @@ from gdg.data.grasps import GraspSet
 from gdg.data.layouts.compact import write_compact
 from gdg.data.layouts.exporting import chosen_shards, valid_grasps
 from gdg.data.layouts.lookup import Lookup
+from gdg.data.scene import TableScene
+from gdg.data.table import Table
 from gdg.errors import GdgError
 from gdg.hands.hand import Hand
 from gdg.objects.model import find_object
 from gdg.pipeline.rebuild import RebuildResult, rebuild_dataset, skipped
 from gdg.protocols import load_protocol
+from gdg.scenes.place import on_table
 
 
 @pytest.fixture
@@ -142,6 +145,52 @@ def test_a_changed_object_is_left_out_unless_accepted(
     assert result.reason == ""
     assert "stored verdicts were dropped" in result.notes[0]
     assert grasps_in(tmp_path / "out")["two_jaws", "cube_small"].verdicts == ()
+
+
+@pytest.fixture
+def on_a_table(gripper: Hand, tmp_path: Path) -> Callable[[str, Table], Path]:
+    """A compact file of two grasps on an object that rests on a table."""
+
+    def write(name: str, table: Table) -> Path:
+        facts = {
+            "hand_hash": gripper.content_hash,
+            "object_hash": find_object(name).content_hash,
+            "split": "train",
+        }
+        grasps = replace(random_grasps(gripper, name, 2), scene=TableScene(table, 3, 0.5))
+        write_shard(tmp_path / "dataset", "k", grasps, facts)
+        file = tmp_path / "all.parquet"
+        write_compact(file, [(i, valid_grasps(i)) for i in chosen_shards(tmp_path / "dataset")])
+        return file
+
+    return write
+
+
+def test_a_changed_object_is_put_on_its_table_anew(
+    on_a_table: Callable[[str, Table], Path], lookup: Lookup, measured: list[str], tmp_path: Path
+) -> None:
+    small, medium = find_object("cube_small"), find_object("cube_medium")
+    half_m = medium.mesh.extents[0] / 2
+    assert half_m > small.mesh.extents[0] / 2 + 0.005
+    file = on_a_table("cube_small", Table((0.0, 1.0, 0.0), -0.02))
+    lookup.objects["cube_small"] = "cube_medium"
+    (result,) = rebuild_dataset(file, tmp_path / "out", lookup, accept_changed=True)
+    assert result.reason == ""
+    scene = grasps_in(tmp_path / "out")["two_jaws", "cube_small"].scene
+    assert scene is not None
+    assert scene.table.normal == pytest.approx((0, 1, 0), abs=1e-6)
+    assert scene.table.offset == pytest.approx(-half_m, abs=1e-5)
+    assert scene == on_table(medium, scene.pose).scene
+
+
+def test_a_changed_object_that_rests_on_other_sides_is_left_out(
+    on_a_table: Callable[[str, Table], Path], lookup: Lookup, measured: list[str], tmp_path: Path
+) -> None:
+    file = on_a_table("cube_small", Table((0.0, 0.6, 0.8), -0.02))
+    lookup.objects["cube_small"] = "cube_medium"
+    (result,) = rebuild_dataset(file, tmp_path / "out", lookup, accept_changed=True)
+    assert "doesn't rest on a table as the version did" in result.reason
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_hand_with_other_joints_is_never_accepted(

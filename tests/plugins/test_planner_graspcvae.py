@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -31,9 +32,10 @@ from gdg.hands.hand import find_hand
 from gdg.kinds.hand_model import HandModel
 from gdg.objects.model import ObjectModel
 from gdg.pads import contact_pads
-from gdg.rotations import rotation_from_rot6d
+from gdg.rotations import q_from_pose, rotation_from_rot6d
 from gdg.testing import check_component
 from gdg.testing.fixtures import small_cube
+from gdg.weights_files import write_weights
 
 STEPS = 120
 
@@ -148,7 +150,7 @@ def test_identical_hands_lose_nothing(gripper_model: HandModel, cube: ObjectMode
     hand = gripper_model.surface_points(batch.q)
     index = torch.cdist(hand, batch.points).argmin(1)
     assert loss.surface_loss(hand, hand).item() == 0
-    assert loss.parameter_loss(batch.q, batch.q, torch.ones(1)).item() == 0
+    assert loss.parameter_loss(batch.q, batch.q, torch.ones(1), torch.ones(3)).item() == 0
     assert loss.consistency_loss(batch.points, hand, hand, index, index).item() == 0
 
 
@@ -156,6 +158,19 @@ def test_a_shift_of_a_centimetre_costs_a_square_centimetre():
     hand = torch.randn(2, 30, 3, generator=seeded())
     shifted = hand + torch.tensor([0.0, 0.01, 0.0])
     assert loss.surface_loss(hand, shifted).item() == pytest.approx(1, rel=1e-3)
+
+
+def test_turning_a_hand_about_its_grip_costs_the_turn_alone():
+    grip = torch.tensor([0.0, 0.0, 0.3])
+    still, turned = torch.eye(4)[None], torch.eye(4)[None]
+    turned[0, :3, :3] = rotation_from_rot6d(torch.tensor([[0.8, 0.0, -0.6, 0.0, 1.0, 0.0]]))[0]
+    turned[0, :3, 3] = grip - turned[0, :3, :3] @ grip
+    q, predicted = (q_from_pose(pose, torch.zeros(1, 2)) for pose in (still, turned))
+    found = loss.parameter_loss(q, predicted, torch.ones(2), grip)
+    assert found.item() == pytest.approx(0.2**2 + 0.6**2, rel=1e-4)
+    shifted = q.clone()
+    shifted[:, 0] += 0.2  # 2 dm
+    assert loss.parameter_loss(q, shifted, torch.ones(2), grip).item() == pytest.approx(4, rel=1e-4)
 
 
 def test_only_points_behind_the_surface_penetrate():
@@ -204,6 +219,47 @@ def test_weights_of_a_hand_with_many_joints_are_small(tmp_path: Path):
     assert (tmp_path / "m.safetensors").stat().st_size < 3e6
 
 
+def with_spec(hand: HandModel, **changed: object) -> HandModel:
+    """The same body with another manifest."""
+    return build_model(replace(hand.hand, spec=hand.hand.spec.model_copy(update=changed)))
+
+
+def test_weights_bring_the_grip_that_they_were_trained_with(
+    weights: str, gripper_model: HandModel, cube: ObjectModel
+):
+    spec = gripper_model.hand.spec
+    moved = {
+        link: [[[x, y, z - 0.01] for x, y, z in corners] for corners in regions]
+        for link, regions in spec.contact_regions.items()
+    }
+    edited = with_spec(gripper_model, contact_regions=moved, open=spec.closed)
+    fresh = GraspNetworks(edited)
+    assert (fresh.cvae.grip - GraspNetworks(gripper_model).cvae.grip).norm() > 0.005
+    before = planner(weights).plan(gripper_model, cube, 4, seeded())
+    after = planner(weights).plan(edited, cube, 4, seeded())
+    for pose in before.poses:
+        assert (after.poses - pose).abs().amax((1, 2)).amin() < 1e-5
+    taught = planner(weights).loaded(gripper_model)[1].contact(cube.points[None], hand_points())
+    again = planner(weights).loaded(edited)[1].contact(cube.points[None], hand_points())
+    torch.testing.assert_close(again, taught)
+
+
+def test_weights_without_their_grip_are_refused(
+    weights: str, gripper_model: HandModel, tmp_path: Path
+):
+    stored = planner(weights).loaded(gripper_model)[0]
+    state = {name: tensor for name, tensor in stored.state.items() if name != "cvae.grip"}
+    for schema, message in (("gdg-graspcvae-2", "cvae.grip"), ("gdg-graspcvae-1", "schema is")):
+        path = tmp_path / f"{schema}.safetensors"
+        write_weights(path, state, schema, stored.metadata)
+        with pytest.raises(GdgError, match=message):
+            planner(str(path)).loaded(gripper_model)
+
+
+def hand_points() -> torch.Tensor:
+    return 0.05 * torch.randn(1, 200, 3, generator=seeded(1))
+
+
 def test_training_needs_a_hand():
     with pytest.raises(GdgError, match="hand="):
         GraspCvaePlanner.trainable(GraspCvaeOptions(), 1e-3, 0)
@@ -242,7 +298,7 @@ def test_adaptation_pulls_a_hand_out_of_the_object(
     weights: str, gripper_model: HandModel, cube: ObjectModel
 ):
     made = planner(weights)
-    _, networks = made.loaded(weights, gripper_model)
+    _, networks = made.loaded(gripper_model)
     options = GraspCvaeOptions(adapt_steps=60)
     distance = EuclideanDistance(NoOptions())
     agreement = Agreement(
@@ -262,7 +318,7 @@ def test_adaptation_pulls_a_hand_out_of_the_object(
 def test_targets_reach_one_and_are_written_in_the_planners_distance(
     weights: str, gripper_model: HandModel, cube: ObjectModel
 ):
-    _, networks = planner(weights).loaded(weights, gripper_model)
+    _, networks = planner(weights).loaded(gripper_model)
     assert isinstance(networks.contact, ContactNet)
     of = {}
     for distance in (AlignedDistance(AlignedOptions()), EuclideanDistance(NoOptions())):

@@ -30,6 +30,7 @@ from gdg.kinds.hand_model import HandModel
 from gdg.objects.model import ObjectModel, load_object
 from gdg.rotations import random_rotations, root_pose
 from gdg.testing import check_component
+from gdg.weights_files import write_weights
 
 QUICK = {"width": 24, "branch": 8, "starts": 4, "steps": 30, "top": 4}
 #: Sets all over the cube, whatever the network says.
@@ -319,6 +320,29 @@ def test_nothing_in_force_closure_gives_no_grasps(
 def test_a_hand_without_weights_is_told_the_command(gripper_model: HandModel, cube: ObjectModel):
     with pytest.raises(GdgError, match="gdg train planner=unigrasp hand=two_jaws"):
         planner("").plan(gripper_model, cube, 1, seeded())
+
+
+def test_weights_know_the_finger_of_each_stage(
+    weights: str, gripper_model: HandModel, cube: ObjectModel, jaws: Fingers, tmp_path: Path
+):
+    stored = planner(weights).loaded(gripper_model)[0]
+    assert stored.metadata["fingers"] == list(jaws.names)
+    for known in (list(jaws.names)[::-1], None):
+        path = tmp_path / "other.safetensors"
+        metadata = {**stored.metadata, "fingers": known}
+        write_weights(path, stored.state, "gdg-unigrasp-2", metadata)
+        with pytest.raises(GdgError, match=r"for the fingers .* 'gdg train planner=unigrasp"):
+            planner(str(path)).plan(gripper_model, cube, 1, seeded())
+
+
+def test_weights_of_an_older_schema_are_refused(
+    weights: str, gripper_model: HandModel, tmp_path: Path
+):
+    stored = planner(weights).loaded(gripper_model)[0]
+    path = tmp_path / "old.safetensors"
+    write_weights(path, stored.state, "gdg-unigrasp-1", stored.metadata)
+    with pytest.raises(GdgError, match="schema is 'gdg-unigrasp-1'"):
+        planner(str(path)).loaded(gripper_model)
 
 
 def test_training_needs_a_hand():
