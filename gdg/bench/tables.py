@@ -132,7 +132,8 @@ _UNIGRASP_QUICK = ("planner.width=16", "planner.branch=4", "planner.starts=4", "
 AS_PUBLISHED = (
     "generator=cvae", "generator.temperature=1", "fitter=adam", "fitter.particles=32",
     "fitter.steps=100", "fitter.learning_rate=0.005", "fitter.start=sphere",
-    "fitter.start_factor=1", "fitter.sharpen=true", "fitter.limit_weight=1",
+    "fitter.start_factor=1", "fitter.sharpen=true", "fitter.extra_weight=1",
+    "fitter.limit_weight=1",
     "fitter.search_every=1", "fitter.penetration=nearest",
     "fitter.penetration_weight=1", "fitter.penetration_ramp=1", "fitter.self_weight=0",
     "fitter.keep=1", "planner.maps=1", "planner.rank=energy", "planner.close=false",

@@ -28,7 +28,7 @@ class Terms:
     """Energy terms per particle; ``FitEnergy.total`` is their weighted sum.
 
     Attributes:
-        contact: mean difference of the maps.
+        contact: mean difference of the maps, contact beyond the target's weighted.
         penetration: summed depth, metres.
         depth: deepest point, metres.
         limits: by how much joints exceed their limits, rad (m for prismatic joints).
@@ -50,8 +50,10 @@ class Terms:
 class FitEnergy:
     """E = mean_i |C_i(q) − C*_i| + w_p E_p + w_n E_n + w_s E_self for particles of several maps.
 
-    Differences from the release: joint limits are in the gradient (as the paper writes), and the
-    penetration weight grows, since maps fitted with a constant one leave fingers 10 mm inside.
+    Differences from the release: contact beyond the map's may cost less (``extra_weight``): a hand
+    that touches more than the map asks for holds better. Joint limits are in the gradient (as the
+    paper writes). The penetration weight grows, since maps fitted with a constant one leave
+    fingers 10 mm inside.
     On a table, E_p counts what is below it too.
 
     Attributes:
@@ -105,7 +107,7 @@ class FitEnergy:
         if self.options.self_weight > 0:
             overlap = self_penetration(self.hand, poses)
         return Terms(
-            contact=(values - self.targets[maps]).abs().mean(-1),
+            contact=self._difference(values, self.targets[maps]),
             penetration=summed,
             depth=inside.depth,
             limits=self.hand.limit_violation(q),
@@ -113,6 +115,15 @@ class FitEnergy:
             values=values,
             hand_index=found.hand_index,
         )
+
+    def _difference(
+        self,
+        values: Float[Tensor, "batch object_point"],
+        targets: Float[Tensor, "batch object_point"],
+    ) -> Float[Tensor, "batch"]:
+        """Mean difference of maps; contact where none is asked for weighs ``extra_weight``."""
+        beyond = values - targets
+        return torch.where(beyond > 0, self.options.extra_weight * beyond, -beyond).mean(-1)
 
     def total(self, terms: Terms, fraction: float = 1.0) -> Float[Tensor, "batch"]:
         """Weighted sum at a fraction of the fit, 0 at its start and 1 at its end."""

@@ -25,6 +25,8 @@ class FitOptions(Options):
         start: ``sphere``: uniform rotations on the enclosing sphere (paper); ``surface``: palm
             above the object's convex hull.
         start_factor: enclosing radius × this is where the palm starts (``sphere``).
+        extra_weight: what contact beyond the map's weighs against contact that is missing: 0 lets
+            the hand touch more than the map asks for; the paper's 1 treats both alike.
         penetration: ``sdf``: Σ relu(−δ) (paper); ``nearest``: 100 × the release's nearest-point
             mean.
         penetration_weight: per metre of summed depth.
@@ -41,6 +43,7 @@ class FitOptions(Options):
     sharpen: bool = True
     start: Literal["sphere", "surface"] = "sphere"
     start_factor: Rate = 1.0
+    extra_weight: Weight = 0.0
     penetration: Literal["sdf", "nearest"] = "sdf"
     penetration_weight: Weight = 0.1
     penetration_ramp: Annotated[float, Field(ge=1)] = 30.0

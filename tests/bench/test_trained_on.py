@@ -76,9 +76,7 @@ def test_weights_of_other_hands_and_distances_are_refused(
 def test_a_row_of_a_seen_hand_wants_weights_that_have_seen_it(tmp_path: Path):
     with pytest.raises(RefusedWeights, match=r"was not trained on two_jaws, only on barrett\."):
         checked(seen(), tmp_path)
-    with pytest.raises(
-        RefusedWeights, match=r"trained on another two_jaws than .*two_jaws; test"
-    ):
+    with pytest.raises(RefusedWeights, match=r"trained on another two_jaws than .*two_jaws; test"):
         checked(seen(), tmp_path, **OWN, hand_hashes={"two_jaws": "0" * 64})
 
 

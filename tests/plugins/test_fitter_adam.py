@@ -32,8 +32,8 @@ FIRST = torch.zeros(1, dtype=torch.long)
 
 
 def fitter(**options: object) -> AdamFitter:
-    chosen = {"particles": 6, "steps": 60, "keep": 1, "sharpen": False, **options}
-    return AdamFitter(AdamOptions(**chosen), distance=RELEASE)
+    chosen = {"particles": 6, "steps": 60, "keep": 1, "sharpen": False, "extra_weight": 1.0}
+    return AdamFitter(AdamOptions(**{**chosen, **options}), distance=RELEASE)
 
 
 def seeded(seed: int = 0) -> torch.Generator:
@@ -142,6 +142,18 @@ def test_the_contact_energy_is_the_mean_difference_of_the_maps(
     assert all_fitted.contact_values is not None
     expected = (all_fitted.contact_values - maps.values).abs().mean(-1)
     torch.testing.assert_close(all_fitted.energies["contact"], expected)
+
+
+@pytest.mark.parametrize("weight", [0.0, 0.3])
+def test_contact_beyond_the_map_may_cost_less_than_missing_contact(
+    gripper_model: HandModel, cube: ObjectModel, maps: ContactMap, truth: Tensor, weight: float
+):
+    nothing, everything = (replace(maps, values=maps.values * 0 + value) for value in (0.0, 1.0))
+    run = fitter(extra_weight=weight)
+    beyond = run.energy(gripper_model, cube, nothing).terms(truth, FIRST).contact
+    torch.testing.assert_close(beyond, weight * maps.values.mean(-1))
+    missing = run.energy(gripper_model, cube, everything).terms(truth, FIRST).contact
+    torch.testing.assert_close(missing, 1 - maps.values.mean(-1))
 
 
 def test_sharpened_targets_are_pursued(

@@ -24,7 +24,8 @@ DISTANCE = AlignedDistance(AlignedOptions())
 
 
 def fitter(**options: object) -> HalvingFitter:
-    return HalvingFitter(HalvingOptions.model_validate(options), distance=DISTANCE)
+    chosen = {"extra_weight": 1.0, **options}
+    return HalvingFitter(HalvingOptions.model_validate(chosen), distance=DISTANCE)
 
 
 def seeded(seed: int = 0) -> torch.Generator:
@@ -73,7 +74,9 @@ def test_every_map_is_fitted_better_than_by_the_same_work_of_few_starts(
 ):
     one = replace(maps, values=maps.values[number : number + 1])
     points = len(cube.points)
-    few = AdamFitter(AdamOptions(particles=4, steps=40, keep=4), distance=DISTANCE)
+    few = AdamFitter(
+        AdamOptions(particles=4, steps=40, keep=4, extra_weight=1.0), distance=DISTANCE
+    )
     options = {"particles": 64, "steps": 39, "finalists": 4, "keep": 4}
     many = fitter(first_points=points // 16, last_points=points // 2, **options)
     work = sum(step.particles * step.steps * (step.points or points) for step in many.rounds())
