@@ -19,7 +19,7 @@ CURVES = "![Learning curves](curves.png)\n\n"
 
 def main() -> None:
     """Copies what is finished, and says what."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("runs", type=Path, help="folder with the runs of gdg train")
     for run in sorted(parser.parse_args().runs.iterdir()):
         component, _, name = run.name.partition("-")

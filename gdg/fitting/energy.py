@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from jaxtyping import Float, Int
@@ -10,7 +10,7 @@ from torch import Tensor
 
 from gdg.fitting.options import FitOptions
 from gdg.kinds.distance import Distance
-from gdg.kinds.hand_model import HandModel
+from gdg.kinds.hand_model import HandModel, LinkPoints
 from gdg.objects.model import ObjectModel
 from gdg.penetration import (
     nearest_point_penetration,
@@ -34,7 +34,7 @@ class Terms:
         limits: by how much joints exceed their limits, rad (m for prismatic joints).
         self_penetration: summed overlap of links, metres.
         values: the hand's own contact map.
-        hand_index: the hand point that each object point is nearest to.
+        hand_index: the point of ``FitEnergy.surface`` that each object point is nearest to.
     """
 
     contact: Float[Tensor, "batch"]
@@ -62,6 +62,7 @@ class FitEnergy:
         points: where on the object the maps are compared; metres.
         normals: outward unit normals there.
         targets: the maps there, C*.
+        surface: the hand's points among which the nearest are searched, link frames, metres.
         distance: what the hand's own map is measured with.
         options: the weights.
     """
@@ -71,19 +72,18 @@ class FitEnergy:
     points: Float[Tensor, "object_point 3"]
     normals: Float[Tensor, "object_point 3"]
     targets: Float[Tensor, "map object_point"]
+    surface: LinkPoints
     distance: Distance
     options: FitOptions
 
-    def on(self, chosen: Int[Tensor, "chosen_point"]) -> FitEnergy:
-        """The same with the maps compared at some of the points alone."""
-        return FitEnergy(
-            self.hand,
-            self.obj,
-            self.points[chosen],
-            self.normals[chosen],
-            self.targets[:, chosen],
-            self.distance,
-            self.options,
+    def on(self, chosen: Int[Tensor, "chosen_point"], stride: int) -> FitEnergy:
+        """The same on some of the object's points, and every ``stride``-th of the hand's."""
+        return replace(
+            self,
+            points=self.points[chosen],
+            normals=self.normals[chosen],
+            targets=self.targets[:, chosen],
+            surface=self.surface.every(stride),
         )
 
     def terms(
@@ -94,12 +94,13 @@ class FitEnergy:
     ) -> Terms:
         """All terms of particles, each against its map; searches hand points unless given."""
         poses = self.hand.link_poses(q)
-        surface = self.hand.place_surface(poses)
-        found = self.distance.to_hand(self.points, self.normals, surface, hand_index)
-        values = self.distance.contact_value(found.distance)
+        if hand_index is None:
+            hand_index = self._nearest(poses)
+        values = self.distance.contact_value(self._distance_to(hand_index, poses))
         inside = penetration(self.hand, self.obj, poses)
         summed = inside.summed
         if self.options.penetration == "nearest":
+            surface = self.hand.place_surface(poses)
             summed = NEAREST_WEIGHT * nearest_point_penetration(self.obj, surface)
             if self.obj.table is not None:
                 summed = summed + table_penetration(self.hand, [self.obj.table], poses)[0]
@@ -113,8 +114,27 @@ class FitEnergy:
             limits=self.hand.limit_violation(q),
             self_penetration=overlap,
             values=values,
-            hand_index=found.hand_index,
+            hand_index=hand_index,
         )
+
+    @torch.no_grad()
+    def _nearest(
+        self, Ts_world_link: Float[Tensor, "batch link 4 4"]
+    ) -> Int[Tensor, "batch object_point"]:
+        """The hand point that each object point is nearest to."""
+        placed = self.hand.place(Ts_world_link, self.surface.points, self.surface.link_index)
+        return self.distance.to_hand(self.points, self.normals, placed).hand_index
+
+    def _distance_to(
+        self,
+        hand_index: Int[Tensor, "batch object_point"],
+        Ts_world_link: Float[Tensor, "batch link 4 4"],
+    ) -> Float[Tensor, "batch object_point"]:
+        """Distance of each object point to one hand point; the others need not be placed."""
+        points, links = self.surface.points[hand_index], self.surface.link_index[hand_index]
+        placed = self.hand.place(Ts_world_link, points, links)
+        each_its_own = torch.arange(len(self.points), device=placed.device).expand_as(hand_index)
+        return self.distance.to_hand(self.points, self.normals, placed, each_its_own).distance
 
     def _difference(
         self,

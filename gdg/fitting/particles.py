@@ -43,12 +43,14 @@ class Round:
         steps: of Adam.
         learning_rate: of every entry of q (metres, rot6d, radians).
         points: at how many object points, chosen at random, maps are compared; None: at all.
+        hand_stride: every so-manieth of the hand's points is searched.
     """
 
     particles: int
     steps: int
     learning_rate: float
     points: int | None = None
+    hand_stride: int = 1
 
 
 @dataclass(frozen=True)
@@ -95,7 +97,7 @@ class ParticleFitter(Fitter, Generic[AnyOptions]):
         """The best particles of each map, in the order of the maps; see the interface."""
         energy = self.energy(hand, obj, maps)
         plan = self.rounds() if len(maps) else ()
-        rounds = [(one, energy.on(_some(energy, one.points, generator))) for one in plan]
+        rounds = [(one, _coarse(energy, one, generator)) for one in plan]
         size = max(1, MAX_PARTICLES // self.options.particles)
         groups = torch.arange(len(maps), device=hand.device).split(size)
         steps = _Steps(len(groups), sum(one.steps for one, _ in rounds), progress)
@@ -136,7 +138,9 @@ class ParticleFitter(Fitter, Generic[AnyOptions]):
             targets = self.distance.sharpen(targets)
         if obj.table is not None:
             targets = torch.where(reachable(obj), targets, 0.0)
-        return FitEnergy(hand, obj, obj.points, obj.normals, targets, self.distance, self.options)
+        return FitEnergy(
+            hand, obj, obj.points, obj.normals, targets, hand.surface, self.distance, self.options
+        )
 
     def _start(self, hand: HandModel, obj: ObjectModel, count: int, g: torch.Generator) -> Tensor:
         if self.options.start == "surface":
@@ -254,7 +258,7 @@ def _or_inf(energies: Float[Tensor, "batch"]) -> Float[Tensor, "batch"]:
 
 def _held_at_once(energy: FitEnergy) -> int:
     """How many particles fit into memory together."""
-    return max(1, MAX_POINTS // (len(energy.points) + len(energy.hand.surface.points)))
+    return max(1, MAX_POINTS // (len(energy.points) + len(energy.surface.points)))
 
 
 def _best(energies: Float[Tensor, "batch"], each: int, count: int) -> Int[Tensor, "kept"]:
@@ -263,11 +267,11 @@ def _best(energies: Float[Tensor, "batch"], each: int, count: int) -> Int[Tensor
     return (best + each * torch.arange(len(best), device=best.device)[:, None]).flatten()
 
 
-def _some(
-    energy: FitEnergy, count: int | None, generator: torch.Generator
-) -> Int[Tensor, "chosen"]:
-    """Indices of so many of the energy's points, drawn without repetition; all if it has fewer."""
+def _coarse(energy: FitEnergy, one: Round, generator: torch.Generator) -> FitEnergy:
+    """The energy of a round, at object points that are drawn without repetition."""
     points = len(energy.points)
-    if count is None or count >= points:
-        return torch.arange(points, device=energy.points.device)
-    return torch.randperm(points, generator=generator)[:count].to(energy.points.device)
+    if one.points is None or one.points >= points:
+        chosen = torch.arange(points, device=energy.points.device)
+    else:
+        chosen = torch.randperm(points, generator=generator)[: one.points].to(energy.points.device)
+    return energy.on(chosen, one.hand_stride)

@@ -16,6 +16,8 @@ from gdg.components import Options
 from gdg.data.grasps import GraspSet
 from gdg.hands.geometry import hand_spheres, hand_surface
 from gdg.hands.hand import Hand
+from gdg.placement import place_points
+from gdg.placement.eager import poses_of
 from gdg.rotations import ROOT_DIM, q_from_pose, root_pose
 
 
@@ -26,6 +28,10 @@ class LinkPoints:
     points: Float[Tensor, "point 3"]
     normals: Float[Tensor, "point 3"]
     link_index: Int[Tensor, "point"]
+
+    def every(self, stride: int) -> LinkPoints:
+        """Every ``stride``-th point: still spread over the whole hand, since near ones follow."""
+        return LinkPoints(self.points[::stride], self.normals[::stride], self.link_index[::stride])
 
 
 @dataclass(frozen=True)
@@ -122,10 +128,7 @@ class HandModel(ABC):
         link_index: Int[Tensor, "*batch point"],
     ) -> Float[Tensor, "batch point 3"]:
         """Link-frame points in the world; ``points`` may differ per batch element or not."""
-        if link_index.ndim == 1:
-            return _place_fixed(Ts_world_link, points, link_index)
-        T = _per_point(Ts_world_link, link_index)
-        return (T[..., :3, :3] @ points[..., None])[..., 0] + T[..., :3, 3]
+        return place_points(Ts_world_link, points, link_index)
 
     def turn(
         self,
@@ -134,7 +137,7 @@ class HandModel(ABC):
         link_index: Int[Tensor, "*batch point"],
     ) -> Float[Tensor, "batch point 3"]:
         """Link-frame directions in the world: rotated, never translated."""
-        T = _per_point(Ts_world_link, link_index)
+        T = poses_of(Ts_world_link, link_index)
         return (T[..., :3, :3] @ directions[..., None])[..., 0]
 
     def surface_points(self, q: Float[Tensor, "batch dof"]) -> Float[Tensor, "batch hand_point 3"]:
@@ -241,28 +244,3 @@ class HandModel(ABC):
         touching = (torch.cdist(placed, placed) < summed).any(0)
         reach = torch.where(apart & ~touching, summed, torch.full_like(summed, -1.0))
         return CollisionSpheres(centers, radii, link, reach)
-
-
-def _place_fixed(
-    Ts_world_link: Float[Tensor, "batch link 4 4"],
-    points: Float[Tensor, "point 3"],
-    link_index: Int[Tensor, "point"],
-) -> Float[Tensor, "batch point 3"]:
-    """All points by one matrix product, far cheaper (backward too) than a matrix per point."""
-    batch, links = Ts_world_link.shape[:2]
-    lift = points.new_zeros(links, 4, len(points))
-    columns = torch.arange(len(points), device=points.device)
-    lift[link_index, :3, columns] = points
-    lift[link_index, 3, columns] = 1.0
-    flat = Ts_world_link[:, :, :3].transpose(1, 2).reshape(batch, 3, 4 * links)
-    return (flat @ lift.reshape(4 * links, len(points))).mT
-
-
-def _per_point(
-    Ts_world_link: Float[Tensor, "batch link 4 4"], link_index: Int[Tensor, "*batch point"]
-) -> Float[Tensor, "batch point 4 4"]:
-    # index_select and gather have far cheaper backward passes than advanced indexing
-    if link_index.ndim == 1:
-        return torch.index_select(Ts_world_link, 1, link_index)
-    spread = link_index[..., None, None].expand(-1, -1, 4, 4)
-    return torch.gather(Ts_world_link, 1, spread)

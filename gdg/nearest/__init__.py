@@ -1,8 +1,8 @@
 """The hand point that minimises the aligned distance, per object point.
 
-On the CPU an exact branch-and-bound search compiled by numba; on other devices a blocked
-exhaustive search in torch. Neither holds object × hand for a whole batch, let alone × 3. The
-winning pair's distance is then computed by the caller, exactly and differentiably.
+On the CPU a search compiled by numba; on other devices a blocked one in torch. Both score all
+pairs, and neither holds object × hand for a whole batch, let alone × 3. The winning pair's distance
+is then computed by the caller, exactly and differentiably.
 """
 
 from __future__ import annotations
@@ -31,14 +31,13 @@ def nearest_hand_points(
     Args:
         object_points: metres.
         object_normals: outward unit normals.
-        hand_points: metres, same frame; fastest when points that follow each other are near
-            each other, as ``HandModel.surface`` has them.
+        hand_points: metres, same frame.
         gamma: weight of the alignment, from 0 to 4 (exp(±2γ) is approximated up to there).
     """
     if hand_points.device.type == "cpu":
-        from gdg.nearest.pruned import nearest_pruned  # compiles (or loads its cache) on import
+        from gdg.nearest.compiled import nearest_compiled  # compiles (or loads its cache) on import
 
-        index = nearest_pruned(
+        index = nearest_compiled(
             object_points.float().numpy(),
             object_normals.float().numpy(),
             hand_points.float().contiguous().numpy(),

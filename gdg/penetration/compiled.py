@@ -7,12 +7,11 @@ bounding balls, so the cost follows the number of links near a surface.
 from __future__ import annotations
 
 import math
-from typing import TypeAlias
 
 import numpy as np
 from numba import njit, prange
 
-Real: TypeAlias = "float | np.float32"
+from gdg.placement.compiled import Real, place_point, pull_point
 
 ZERO, ONE, NAN = np.float32(0.0), np.float32(1.0), np.float32(np.nan)
 #: Spheres with one centre push each other nowhere; this keeps the division defined, metres.
@@ -71,34 +70,6 @@ def _field(
 
 
 @njit(inline="always")
-def _place(T: np.ndarray, local: np.ndarray) -> tuple[Real, Real, Real]:
-    a, b, c = local[0], local[1], local[2]
-    return (
-        T[0, 0] * a + T[0, 1] * b + T[0, 2] * c + T[0, 3],
-        T[1, 0] * a + T[1, 1] * b + T[1, 2] * c + T[1, 3],
-        T[2, 0] * a + T[2, 1] * b + T[2, 2] * c + T[2, 3],
-    )
-
-
-@njit(inline="always")
-def _pull(G: np.ndarray, local: np.ndarray, fx: Real, fy: Real, fz: Real) -> None:
-    """Adds ∂(f · T local)/∂T to G."""
-    a, b, c = local[0], local[1], local[2]
-    G[0, 0] += fx * a
-    G[0, 1] += fx * b
-    G[0, 2] += fx * c
-    G[0, 3] += fx
-    G[1, 0] += fy * a
-    G[1, 1] += fy * b
-    G[1, 2] += fy * c
-    G[1, 3] += fy
-    G[2, 0] += fz * a
-    G[2, 1] += fz * b
-    G[2, 2] += fz * c
-    G[2, 3] += fz
-
-
-@njit(inline="always")
 def _gap(values: np.ndarray, low: np.ndarray, cell: Real, x: Real, y: Real, z: Real) -> Real:
     """``SignedDistanceGrid.distance``."""
     value, beyond, _x, _y, _z = _field(values, low, cell, x, y, z)
@@ -110,7 +81,7 @@ def _far(
     T: np.ndarray, values: np.ndarray, low: np.ndarray, cell: Real, ball: np.ndarray, reach: Real
 ) -> bool:
     """Whether a link, within its ball, is certainly farther than ``reach`` from the object."""
-    x, y, z = _place(T, ball)
+    x, y, z = place_point(T, ball)
     value, beyond, _x, _y, _z = _field(values, low, cell, x, y, z)
     # the grid is convex: a point beyond it is at least this far from all inside
     if beyond > ZERO:
@@ -174,21 +145,21 @@ def object_penetration(
             if _far(T, values, low, cell, balls[link], reach):
                 continue
             for p in range(point_starts[link], point_starts[link + 1]):
-                x, y, z = _place(T, points[p])
+                x, y, z = place_point(T, points[p])
                 value, beyond, gx, gy, gz = _field(values, low, cell, x, y, z)
                 inside = thicker - (value + beyond)
                 if inside > ZERO:
                     total += factor * inside
                     depth = max(depth, inside)
-                    _pull(G, points[p], -factor * gx, -factor * gy, -factor * gz)
+                    pull_point(G, points[p], -factor * gx, -factor * gy, -factor * gz)
             for s in range(sphere_starts[link], sphere_starts[link + 1]):
-                x, y, z = _place(T, spheres[s])
+                x, y, z = place_point(T, spheres[s])
                 value, beyond, gx, gy, gz = _field(values, low, cell, x, y, z)
                 inside = thicker + spheres[s, 3] - (value + beyond)
                 if inside > ZERO:
                     total += inside
                     depth = max(depth, inside)
-                    _pull(G, spheres[s], -gx, -gy, -gz)
+                    pull_point(G, spheres[s], -gx, -gy, -gz)
         summed[b], deepest[b] = total, depth
     return summed, deepest, gradients
 
@@ -236,8 +207,8 @@ def self_penetration(
                 if apart < reach[p]:
                     total += reach[p] - apart
                     x, y, z = x / apart, y / apart, z / apart
-                    _pull(gradients[b, i], spheres[s], -x, -y, -z)
-                    _pull(gradients[b, j], spheres[t], x, y, z)
+                    pull_point(gradients[b, i], spheres[s], -x, -y, -z)
+                    pull_point(gradients[b, j], spheres[t], x, y, z)
         summed[b] = total
     return summed, gradients
 
@@ -247,8 +218,8 @@ def _apart(
     T_i: np.ndarray, a: np.ndarray, T_j: np.ndarray, b: np.ndarray
 ) -> tuple[Real, Real, Real, Real]:
     """From point b on link j to point a on link i, and the length of that."""
-    ax, ay, az = _place(T_i, a)
-    bx, by, bz = _place(T_j, b)
+    ax, ay, az = place_point(T_i, a)
+    bx, by, bz = place_point(T_j, b)
     x, y, z = ax - bx, ay - by, az - bz
     return x, y, z, max(math.sqrt(x * x + y * y + z * z), NEARLY_ZERO_M)
 
@@ -282,14 +253,14 @@ def touching_links(
             if _far(T, values, low, cell, balls[link], reach):
                 continue
             for p in range(point_starts[link], point_starts[link + 1]):
-                x, y, z = _place(T, points[p])
+                x, y, z = place_point(T, points[p])
                 if _gap(values, low, cell, x, y, z) <= thicker:
                     touching[b, link] = True
                     break
             if touching[b, link]:
                 continue
             for s in range(sphere_starts[link], sphere_starts[link + 1]):
-                x, y, z = _place(T, spheres[s])
+                x, y, z = place_point(T, spheres[s])
                 if _gap(values, low, cell, x, y, z) <= thicker + spheres[s, 3]:
                     touching[b, link] = True
                     break

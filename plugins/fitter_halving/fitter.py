@@ -30,6 +30,7 @@ class HalvingFitter(ParticleFitter[HalvingOptions]):
             steps if number < last else chosen.steps - last * steps,
             _between(chosen.learning_rate, chosen.last_learning_rate, share),
             round(_between(chosen.first_points, chosen.last_points, share)),
+            round(_between(chosen.first_hand_stride, 1, share)),
         )
 
 

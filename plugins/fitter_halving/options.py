@@ -24,6 +24,8 @@ class HalvingOptions(FitOptions):
             never more than ``particles``.
         first_points: object points at which the first round compares the maps.
         last_points: object points of the last round.
+        first_hand_stride: every so-manieth hand point is searched in the first round; every one in
+            the last.
         learning_rate: of every entry of q (metres, rot6d, radians), in the first round.
         last_learning_rate: in the last round.
     """
@@ -34,5 +36,6 @@ class HalvingOptions(FitOptions):
     finalists: Count = 8
     first_points: Points = 128
     last_points: Points = 1024
+    first_hand_stride: Annotated[int, Field(ge=1, le=64)] = 8
     learning_rate: Rate = 1e-2
     last_learning_rate: Rate = 5e-3

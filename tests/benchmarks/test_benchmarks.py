@@ -106,12 +106,12 @@ def test_kinematics_and_surface_forward_and_backward(benchmark: Any, scene: Scen
     benchmark(run)
 
 
-@pytest.mark.parametrize("search", ["pruned", "exhaustive"])
+@pytest.mark.parametrize("search", ["compiled", "eager"])
 def test_nearest_points_of_the_aligned_distance(benchmark: Any, scene: Scene, search: str):
     obj, hand_points = scene.obj, scene.hand.surface_points(scene.q)
     shape = f"{PARTICLES} × {len(obj.points)} × {hand_points.shape[1]}"
     benchmark.group = f"aligned distance {shape}, {scene.hand.hand.name}"
-    if search == "pruned":
+    if search == "compiled":
         nearest_hand_points(obj.points, obj.normals, hand_points[:1], 1.0)  # compiles
         benchmark(nearest_hand_points, obj.points, obj.normals, hand_points, 1.0)
     else:
