@@ -20,7 +20,8 @@ settings.load_profile("gdg")
 
 # Every annotated function and dataclass of these is checked when it is called. The rest (command
 # line, config, registry) handles no arrays, and checking it would add seconds to each run;
-# gdg.nearest and gdg.penetration hold functions compiled by numba, which can't compile the checker.
+# gdg.nearest, gdg.penetration and gdg.placement hold functions compiled by numba, which can't
+# compile the checker.
 install_import_hook(
     [
         "gdg.contact_maps", "gdg.data", "gdg.force_closure", "gdg.geometry",

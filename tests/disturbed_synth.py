@@ -88,7 +88,7 @@ def write_plugin(folder: Path) -> dict[str, str]:
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: quick-plugin\nVersion: 1.0\n")
     (info / "entry_points.txt").write_text("[gdg]\nquick = quick_plugin\n")
     path = os.pathsep.join(filter(None, [str(folder), os.environ.get("PYTHONPATH", "")]))
-    threads = {"OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
+    threads = {"OMP_NUM_THREADS": "1"}
     return {**os.environ, **threads, "PYTHONPATH": path, "GDG_STRICT_PLUGINS": "1"}
 
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 import sys
 import time
 
-import numba
 import torch
 
 from gdg.cli.settings import configs_from, single
@@ -35,7 +34,6 @@ COLUMNS = (
 def main() -> None:
     """Prints the table."""
     torch.set_num_threads(1)
-    numba.set_num_threads(1)
     print("| " + " | ".join(COLUMNS) + " |\n|" + " --- |" * len(COLUMNS))
     for hand in sys.argv[1:] or ["allegro"]:
         for sampler, words in SAMPLERS.items():

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import os
 
-os.environ.update(OMP_NUM_THREADS="1", NUMBA_NUM_THREADS="1")  # what a worker has
+os.environ.update(OMP_NUM_THREADS="1")  # what a worker has
 
 import argparse
 import csv

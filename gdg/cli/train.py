@@ -9,15 +9,12 @@ import click
 
 from gdg.cli.settings import configs_from, single, takes_settings
 from gdg.errors import GdgError
+from gdg.pipeline.jobs import DEFAULTS
 from gdg.training.job import TrainJob
 from gdg.yaml_files import read_yaml_mapping
 
 #: Components that training uses; a planner takes the generator's place.
-TRAIN_DEFAULTS = {
-    "generator": "cvae",
-    "distance": "aligned",
-    "hand_model": "pytorch-kinematics",
-}
+TRAIN_DEFAULTS = {kind: DEFAULTS[kind] for kind in ("generator", "distance", "hand_model")}
 
 
 @click.command()

@@ -12,17 +12,13 @@ def usable_cores() -> int:
 
 
 def limit_threads(threads: int) -> int:
-    """Lets torch and numba use this many threads in this process; gives torch's number before.
+    """Lets torch, and compiled passes, use this many threads; gives the number before.
 
     Sums over several threads are rounded in another order than over one, so results that must
     be the same everywhere are computed with one.
     """
     import torch
-    from numba import config, set_num_threads
 
     before = torch.get_num_threads()
-    # numba refuses more than it started with (NUMBA_NUM_THREADS, or the cores that it saw)
-    set_num_threads(min(threads, config.NUMBA_NUM_THREADS))  # type: ignore[attr-defined]
-    # after numba, whose start of OpenMP sets torch's number anew
     torch.set_num_threads(threads)
     return before

@@ -9,7 +9,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
+
+from gdg.multicore import over_batch
 
 ONE = np.float32(1.0)
 LARGEST = np.int32(np.iinfo(np.int32).max)
@@ -64,7 +66,8 @@ def _first_least(bits: np.ndarray) -> int:
     return int(first)
 
 
-@njit(cache=True, parallel=True, error_model="numpy")
+@over_batch(2)
+@njit(cache=True, nogil=True, error_model="numpy")
 def nearest_compiled(
     object_points: np.ndarray,
     object_normals: np.ndarray,
@@ -76,7 +79,7 @@ def nearest_compiled(
     batch, hands, count = len(hand_points), hand_points.shape[1], len(object_points)
     index = np.zeros((batch, count), np.int64)
     twice, eps = np.float32(2.0 * gamma), np.float32(epsilon)
-    for b in prange(batch):
+    for b in range(batch):
         hand = np.ascontiguousarray(hand_points[b].T)
         scores = np.empty(hands, np.float32)
         bits = scores.view(np.int32)

@@ -9,8 +9,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
+from gdg.multicore import over_batch
 from gdg.placement.compiled import Real, place_point, pull_point
 
 ZERO, ONE, NAN = np.float32(0.0), np.float32(1.0), np.float32(np.nan)
@@ -89,7 +90,7 @@ def _far(
     return value > ball[3] + reach
 
 
-@njit(inline="always")
+@njit(error_model="numpy")
 def _finite(Ts: np.ndarray) -> bool:
     good = True
     for value in Ts.flat:
@@ -97,7 +98,8 @@ def _finite(Ts: np.ndarray) -> bool:
     return good
 
 
-@njit(cache=True, parallel=True, error_model="numpy")
+@over_batch(0)
+@njit(cache=True, nogil=True, error_model="numpy")
 def object_penetration(
     Ts: np.ndarray,
     values: np.ndarray,
@@ -135,7 +137,7 @@ def object_penetration(
     gradients = np.zeros((batch, links, 4, 4), np.float32)
     # interpolated values differ from distances by less than a cell's diagonal, at both ends
     reach = TWO_DIAGONALS * cell + SLACK_M + thicker
-    for b in prange(batch):
+    for b in range(batch):
         total, depth = ZERO, ZERO
         if not _finite(Ts[b]):  # the compiled code must never make a node's index of it
             summed[b], deepest[b] = NAN, NAN
@@ -164,7 +166,8 @@ def object_penetration(
     return summed, deepest, gradients
 
 
-@njit(cache=True, parallel=True, error_model="numpy")
+@over_batch(0)
+@njit(cache=True, nogil=True, error_model="numpy")
 def self_penetration(
     Ts: np.ndarray,
     balls: np.ndarray,
@@ -191,7 +194,7 @@ def self_penetration(
     batch = Ts.shape[0]
     summed = np.zeros(batch, np.float32)
     gradients = np.zeros(Ts.shape, np.float32)
-    for b in prange(batch):
+    for b in range(batch):
         total = ZERO
         if not _finite(Ts[b]):
             summed[b] = NAN
@@ -213,7 +216,7 @@ def self_penetration(
     return summed, gradients
 
 
-@njit(inline="always")
+@njit(error_model="numpy")
 def _apart(
     T_i: np.ndarray, a: np.ndarray, T_j: np.ndarray, b: np.ndarray
 ) -> tuple[Real, Real, Real, Real]:
@@ -224,7 +227,8 @@ def _apart(
     return x, y, z, max(math.sqrt(x * x + y * y + z * z), NEARLY_ZERO_M)
 
 
-@njit(cache=True, parallel=True, error_model="numpy")
+@over_batch(0)
+@njit(cache=True, nogil=True, error_model="numpy")
 def touching_links(
     Ts: np.ndarray,
     values: np.ndarray,
@@ -245,7 +249,7 @@ def touching_links(
     touching = np.zeros((batch, links), np.bool_)
     cell, thicker = np.float32(spacing), np.float32(margin)
     reach = TWO_DIAGONALS * cell + SLACK_M + thicker
-    for b in prange(batch):
+    for b in range(batch):
         if not _finite(Ts[b]):
             continue
         for link in range(links):
@@ -267,7 +271,8 @@ def touching_links(
     return touching
 
 
-@njit(cache=True, parallel=True, error_model="numpy")
+@over_batch(0)
+@njit(cache=True, nogil=True, error_model="numpy")
 def crossing_pairs(
     Ts: np.ndarray,
     balls: np.ndarray,
@@ -280,7 +285,7 @@ def crossing_pairs(
     """Whether the links of each pair overlap, (batch, link_pair); see ``self_penetration``."""
     batch = Ts.shape[0]
     crossing = np.zeros((batch, len(link_pairs)), np.bool_)
-    for b in prange(batch):
+    for b in range(batch):
         if not _finite(Ts[b]):
             continue
         for n in range(len(link_pairs)):

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
+from gdg.multicore import over_batch
 from gdg.penetration.compiled import NAN, SLACK_M, ZERO, Real, _finite
 
 
-@njit(cache=True, parallel=True, error_model="numpy")
+@over_batch(0)
+@njit(cache=True, nogil=True, error_model="numpy")
 def table_penetration(
     Ts: np.ndarray,
     up: np.ndarray,
@@ -33,7 +35,7 @@ def table_penetration(
     factor, thicker, level = np.float32(stride), np.float32(margin), np.float32(offset)
     summed, deepest = np.zeros(batch, np.float32), np.zeros(batch, np.float32)
     gradients = np.zeros((batch, links, 4, 4), np.float32)
-    for n in prange(batch):
+    for n in range(batch):
         total, depth = ZERO, ZERO
         if not _finite(Ts[n]):
             summed[n], deepest[n] = NAN, NAN

@@ -12,7 +12,7 @@ from gdg.config import JobConfig
 DEFAULTS = {
     "hand_model": "pytorch-kinematics",
     "distance": "aligned",
-    "generator": "cvae",
+    "generator": "flow",
     "fitter": "halving",
     "planner": "contact-map",
     "simulator": "sapien",

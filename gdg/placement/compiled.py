@@ -9,7 +9,9 @@ from __future__ import annotations
 from typing import TypeAlias
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
+
+from gdg.multicore import over_batch
 
 Real: TypeAlias = "float | np.float32"
 
@@ -43,41 +45,44 @@ def pull_point(G: np.ndarray, local: np.ndarray, fx: Real, fy: Real, fz: Real) -
     G[2, 3] += fz
 
 
-@njit(cache=True, parallel=True, error_model="numpy")
+@over_batch(0, 1, 2)
+@njit(cache=True, nogil=True, error_model="numpy")
 def place(Ts: np.ndarray, points: np.ndarray, links: np.ndarray) -> np.ndarray:
     """The points in the world, (batch, point, 3)."""
     batch, count = len(Ts), points.shape[1]
     placed = np.empty((batch, count, 3), np.float32)
-    for b in prange(batch):
-        own = np.int64(b) if len(points) > 1 else 0
+    for b in range(batch):
+        own = b if len(points) > 1 else 0
         for p in range(count):
             x, y, z = place_point(Ts[b, links[own, p]], points[own, p])
             placed[b, p, 0], placed[b, p, 1], placed[b, p, 2] = x, y, z
     return placed
 
 
-@njit(cache=True, parallel=True, error_model="numpy")
+@over_batch(0, 1, 2, 3)
+@njit(cache=True, nogil=True, error_model="numpy")
 def pull_to_poses(
     grad: np.ndarray, Ts: np.ndarray, points: np.ndarray, links: np.ndarray
 ) -> np.ndarray:
     """The gradient in the link poses, from that in the placed points, (batch, point, 3)."""
     pulled = np.zeros(Ts.shape, np.float32)
-    for b in prange(len(Ts)):
-        own = np.int64(b) if len(points) > 1 else 0
+    for b in range(len(Ts)):
+        own = b if len(points) > 1 else 0
         for p in range(points.shape[1]):
             G = pulled[b, links[own, p]]
             pull_point(G, points[own, p], grad[b, p, 0], grad[b, p, 1], grad[b, p, 2])
     return pulled
 
 
-@njit(cache=True, parallel=True, error_model="numpy")
+@over_batch(0, 1, 2, 3)
+@njit(cache=True, nogil=True, error_model="numpy")
 def pull_to_points(
     grad: np.ndarray, Ts: np.ndarray, points: np.ndarray, links: np.ndarray
 ) -> np.ndarray:
     """The gradient in each pose's points, (batch, point, 3), from that in the placed ones."""
     pulled = np.empty(grad.shape, np.float32)
-    for b in prange(len(Ts)):
-        own = np.int64(b) if len(points) > 1 else 0
+    for b in range(len(Ts)):
+        own = b if len(points) > 1 else 0
         for p in range(points.shape[1]):
             T, f = Ts[b, links[own, p]], grad[b, p]
             for axis in range(3):

@@ -114,7 +114,7 @@ def test_missing_weights_are_told_with_the_command_that_trains_them(
     bench = run_bench(wider, words(tmp_path))
     first, _, *missing = bench.rows
     assert first.row is not None
-    for row, method, name in zip(missing, (ours, regressed), ("cvae", "other"), strict=True):
+    for row, method, name in zip(missing, (ours, regressed), ("flow", "other"), strict=True):
         assert row.row is None
         assert not row.failed
         assert row.note == f"weights missing: {train_command(method, name)}"

@@ -4,7 +4,7 @@
 
 Times depend on the machine and its load: each result carries the number of threads and the version
 of torch. Beside other work, threads that spin while they wait slow each other down a hundredfold;
-OMP_WAIT_POLICY=PASSIVE, or one thread (OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1), avoids that. Rows of
+OMP_WAIT_POLICY=PASSIVE, or one thread (OMP_NUM_THREADS=1), avoids that. Rows of
 one group do the same work in different ways, or for different hands.
 """
 
@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any
 
 import jaxtyping
-import numba
 import pytest
 import torch
 from gdg_plugins.fitter_adam.fitter import AdamFitter
@@ -61,7 +60,7 @@ class Scene:
 
 @pytest.fixture(autouse=True)
 def as_users_run_it() -> Iterator[None]:
-    """No shape checker, and the threads that torch and numba take by themselves."""
+    """No shape checker, and the threads that torch takes by itself."""
     checked, threads = jaxtyping.config.jaxtyping_disable, torch.get_num_threads()
     jaxtyping.config.update("jaxtyping_disable", True)
     torch.set_num_threads(int(os.environ.get("OMP_NUM_THREADS", os.cpu_count() or 1)))
@@ -75,7 +74,6 @@ def circumstances(benchmark: Any, as_users_run_it: None) -> None:
     benchmark.extra_info.update(
         torch=torch.__version__,
         torch_threads=torch.get_num_threads(),
-        numba_threads=numba.get_num_threads(),
         processors=os.cpu_count(),
         wait_policy=os.environ.get("OMP_WAIT_POLICY", ""),
     )

@@ -29,8 +29,9 @@ def data(tmp_path: Path) -> Path:
 
 
 def test_run_of_one_line_can_be_repeated_and_resumed(run: Run, data: Path, tmp_path: Path) -> None:
-    words = (f"data={data}", "val_fraction=0.5", "augment.rotation=yaw", "augment.jitter_m=0.002")
-    done = run("train", *words, "out=a", *TINY)
+    words = (f"data={data}", "generator=cvae", "val_fraction=0.5")
+    augmented = ("augment.rotation=yaw", "augment.jitter_m=0.002")
+    done = run("train", *words, *augmented, "out=a", *TINY)
     assert done.code == 0, done.err
     assert "Use it: gdg grasp … generator=cvae generator.weights=a/model.safetensors" in done.out
     config = yaml.safe_load((tmp_path / "a" / "config.yaml").read_text())
