@@ -15,6 +15,8 @@ from gdg.pipeline.jobs import DEFAULTS, GraspJob
 def grasp(settings: tuple[str, ...], files: tuple[Path, ...]) -> None:
     """Plan grasps of one object with one hand, test them in simulation, draw them.
 
+    With verified=true it goes on until n grasps pass the test, and gives these alone.
+
     Writes grasps.json (named joints, 4x4 poses, verdicts), config.yaml, grasps.png and
     report.html into the run folder.
     """
@@ -30,7 +32,8 @@ def grasp(settings: tuple[str, ...], files: tuple[Path, ...]) -> None:
         run = run_grasp(config, BarStages(progress))
     console = Console()
     if len(run.grasps) == 0:
-        reasons = run.grasps.provenance.get("rejected", {})
+        told = run.grasps.provenance
+        reasons = {**told.get("rejected", {}), **told.get("yield", {}).get("failed", {})}
         counted = ", ".join(f"{n} × {why}" for why, n in reasons.items() if n) or "no candidates"
         console.print(f"No grasp found ({counted}).", markup=False)
     else:

@@ -51,6 +51,17 @@ class ContactSet:
             self.gaps[index],
         )
 
+    @classmethod
+    def joined(cls, parts: Sequence[ContactSet]) -> ContactSet:
+        """The contacts of the grasps of all parts, in order."""
+        return cls(
+            torch.cat([part.counts for part in parts]),
+            tuple(link for part in parts for link in part.links),
+            torch.cat([part.points for part in parts]),
+            torch.cat([part.normals for part in parts]),
+            torch.cat([part.gaps for part in parts]),
+        )
+
     def as_dicts(self, grasp: int) -> list[dict[str, Any]]:
         """The contacts of one grasp as plain values."""
         rows = self.rows(grasp)

@@ -86,6 +86,37 @@ class GraspSet:
             verdicts=tuple(self.verdicts[i] for i in index) if self.verdicts else (),
         )
 
+    @classmethod
+    def joined(cls, parts: Sequence[GraspSet]) -> GraspSet:
+        """All grasps of sets of one hand on one object, in order; of one set at least.
+
+        What only some sets have is left out; provenance is the first one's.
+        """
+        first = parts[0]
+        parts = [part for part in parts if len(part)] or [first]
+
+        def stacked(values: list[Tensor | None]) -> Tensor | None:
+            given = [value for value in values if value is not None]
+            return torch.cat(given) if len(given) == len(parts) else None
+
+        def columns(tables: list[Mapping[str, Tensor]]) -> dict[str, Tensor]:
+            shared = [name for name in tables[0] if all(name in table for table in tables)]
+            return {name: torch.cat([table[name] for table in tables]) for name in shared}
+
+        contacts = [part.contacts for part in parts if part.contacts is not None]
+        return replace(
+            first,
+            poses=torch.cat([part.poses for part in parts]),
+            joints=torch.cat([part.joints for part in parts]),
+            targets=stacked([part.targets for part in parts]),
+            energies=columns([part.energies for part in parts]),
+            metrics=columns([part.metrics for part in parts]),
+            contacts=ContactSet.joined(contacts) if len(contacts) == len(parts) else None,
+            status=tuple(status for part in parts for status in part.status),
+            contact_values=stacked([part.contact_values for part in parts]),
+            verdicts=tuple(verdict for part in parts for verdict in part.verdicts),
+        )
+
     @property
     def passed(self) -> list[int]:
         """Indices of the grasps whose verdict is success."""

@@ -11,6 +11,7 @@ from gdg.data.grasps import GraspSet
 from gdg.kinds.fitter import Progress
 from gdg.pipeline.jobs import GraspJob
 from gdg.pipeline.pair import Pair, generator_for
+from gdg.pipeline.verified import verified_grasps
 from gdg.yaml_files import dump_yaml
 
 PICTURES = ("grasps.png", "report.html")
@@ -45,8 +46,8 @@ class Stages:
 def run_grasp(config: RunConfig, stages: Stages | None = None) -> GraspRun:
     """Plans, simulates and reports; every file is complete as soon as it exists.
 
-    ``grasps.json`` is written after planning and again with the verdicts, so that an interrupted
-    run keeps what it had.
+    ``grasps.json`` is written after planning and again with the verdicts, or whenever further
+    grasps are verified, so that an interrupted run keeps what it had.
     """
     stages = stages or Stages()
     job: GraspJob = config.job
@@ -54,14 +55,22 @@ def run_grasp(config: RunConfig, stages: Stages | None = None) -> GraspRun:
     folder = Path(job.out or f"runs/grasp/{pair.hand.hand.name}-{pair.obj.name}-seed{job.seed}")
     folder.mkdir(parents=True, exist_ok=True)
     config_text = dump_yaml(config.as_tree())
-    grasps = pair.plan(job.n, generator_for(job.seed), stages.stage("planning"))
-    for name in PICTURES:  # those of an earlier run must not pass for this one's
-        (folder / name).unlink(missing_ok=True)
-    grasps.save(folder / "grasps.json")
-    write_text_atomically(folder / "config.yaml", config_text)
-    if job.simulate and len(grasps):
-        grasps = pair.simulate(grasps, stages.stage("simulating"))
+
+    def store(grasps: GraspSet) -> None:
+        for name in PICTURES:  # those of an earlier run must not pass for this one's
+            (folder / name).unlink(missing_ok=True)
         grasps.save(folder / "grasps.json")
+        write_text_atomically(folder / "config.yaml", config_text)
+
+    if job.verified:
+        grasps = verified_grasps(config, store, stages.stage("verified grasps"))
+        store(grasps)
+    else:
+        grasps = pair.plan(job.n, generator_for(job.seed), stages.stage("planning"))
+        store(grasps)
+        if job.simulate and len(grasps):
+            grasps = pair.simulate(grasps, stages.stage("simulating"))
+            store(grasps)
     _draw(pair, grasps, folder, config_text, stages)
     return GraspRun(grasps, folder)
 

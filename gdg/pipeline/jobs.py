@@ -77,15 +77,28 @@ class GraspJob(PairJob):
 
     Attributes:
         simulate: test the grasps in simulation.
+        verified: go on proposing until n grasps pass the test, and give these alone.
+        most_proposed: with verified=true: give up after so many proposals per grasp asked for.
+        workers: with verified=true: processes that plan and test, 0 for one per core; the grasps
+            don't depend on it.
         out: run folder; by default ``runs/grasp/HAND-OBJECT-seedN``.
         picture: write the contact sheet ``grasps.png``.
         report: write the interactive ``report.html``.
     """
 
     simulate: bool = True
+    verified: bool = False
+    most_proposed: Annotated[int, Field(ge=1, le=1000)] = 8
+    workers: Annotated[int, Field(ge=0, le=1024)] = 0
     out: str = ""
     picture: bool = True
     report: bool = True
+
+    @model_validator(mode="after")
+    def _test_to_verify(self) -> GraspJob:
+        if self.verified and not self.simulate:
+            raise ValueError("verified=true: needs the simulation; leave simulate=false out")
+        return self
 
 
 class EvalJob(PairJob):

@@ -72,10 +72,14 @@ def summary_line(grasps: GraspSet) -> str:
         return "no grasp found"
     if not grasps.verdicts:
         return f"{_count(len(grasps))}, not simulated"
-    passed, total = len(grasps.passed), len(grasps.verdicts)
+    passed, total, of_what = len(grasps.passed), len(grasps.verdicts), _count(len(grasps.verdicts))
+    if "yield" in grasps.provenance:  # only those that passed are here
+        told = grasps.provenance["yield"]
+        passed, total = told["passed"], told["proposed"]
+        of_what = f"{total} proposed grasps"
     low, high = wilson_interval(passed, total)
     parts = [
-        f"{passed}/{_count(total)} passed {_protocols(grasps)} "
+        f"{passed}/{of_what} passed {_protocols(grasps)} "
         f"({100 * passed / total:.1f} %, 95 % interval {100 * low:.1f} to {100 * high:.1f} %)"
     ]
     if (penetration := penetration_stats(grasps)) is not None:
