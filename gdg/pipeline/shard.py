@@ -5,8 +5,7 @@ from __future__ import annotations
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -19,6 +18,7 @@ from gdg.pipeline.counts import ShardCounts
 from gdg.pipeline.fingerprint import fingerprint
 from gdg.pipeline.jobs import SynthJob
 from gdg.pipeline.pair import Pair, generator_for
+from gdg.stopwatch import Stopwatch
 
 #: Groups whose pairs a worker keeps loaded: the one it works on, and the one before.
 GROUPS_KEPT = 2
@@ -140,12 +140,12 @@ def _planned(pairs: Sequence[Pair], seeds: Sequence[int], count: int) -> list[Gr
 def _finished(task: ShardTask, pair: Pair, seed: int, planned: GraspSet) -> MadeShard:
     """The shard of what was planned for it."""
     job: SynthJob = task.pair.config.job
-    seconds: dict[str, float] = {"plan": planned.provenance["seconds"]["plan"]}
-    with _timed(seconds, "filter"):
+    watch = Stopwatch()
+    with watch.stage("filter"):
         grasps, rejected = _clear(pair, planned, job)
-    with _timed(seconds, "simulate"):
+    with watch.stage("simulate"):
         tested = pair.simulate(grasps) if len(grasps) else grasps
-    with _timed(seconds, "measure"):
+    with watch.stage("measure"):
         kept = tested if job.keep_failed else tested.select(tested.passed)
         if len(kept):
             kept = _measured(pair, kept)
@@ -157,7 +157,7 @@ def _finished(task: ShardTask, pair: Pair, seed: int, planned: GraspSet) -> Made
         passed=len(tested.passed),
         rejected={k: v for k, v in (Counter(told.get("rejected", {})) + rejected).items() if v},
         failed=dict(Counter(verdict.failure for verdict in tested.verdicts if verdict.failure)),
-        seconds=seconds,
+        seconds={"plan": planned.provenance["seconds"]["plan"], **watch.seconds},
     )
     facts = {"shard": task.number, "shard_seed": seed, "job": _shaping(job), **counts.as_dict()}
     if not len(kept):
@@ -248,10 +248,3 @@ def _measured(pair: Pair, grasps: GraspSet) -> GraspSet:
 def _packed(key: str, grasps: GraspSet, facts: dict[str, object]) -> bytes:
     with tempfile.TemporaryDirectory(prefix="gdg-") as folder:
         return write_shard(Path(folder), key, grasps, {**grasps.provenance, **facts}).read_bytes()
-
-
-@contextmanager
-def _timed(seconds: dict[str, float], stage: str) -> Iterator[None]:
-    started = time.perf_counter()
-    yield
-    seconds[stage] = time.perf_counter() - started

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 
 import torch
@@ -20,6 +17,7 @@ from gdg.objects.model import ObjectModel
 from gdg.quality.stability import judged_by_stability
 from gdg.rotations import ROOT_DIM, root_pose
 from gdg.scenes.keep import keep_above
+from gdg.stopwatch import Stopwatch
 
 from .options import ContactMapOptions
 
@@ -44,28 +42,28 @@ class ContactMapPlanner(Planner):
         progress: Progress | None = None,
     ) -> GraspSet:
         """At most ``count`` grasps of as many maps, lowest energy first; see the interface."""
-        seconds: dict[str, float] = {}
-        with _timed(seconds, "generate"):
+        watch = Stopwatch()
+        with watch.stage("generate"):
             wanted = math.ceil(self.options.maps * count)
             maps = self._generator.generate(obj, wanted, generator)
-        with _timed(seconds, "fit"):
+        with watch.stage("fit"):
             fits = self._fitter.fit(hand, obj, maps, generator, progress)
         grasps = _sound(fits, len(maps))
         stable = self.options.rank == "stability"
         if not stable and obj.table is None:  # what is not chosen needs no closing
-            with _timed(seconds, "rank"):
+            with watch.stage("rank"):
                 grasps = _best_of_each_map(grasps, count)
         if self.options.close:
-            with _timed(seconds, "close"):
+            with watch.stage("close"):
                 grasps = _closed(hand, obj, grasps)
         if stable or obj.table is not None:
-            with _timed(seconds, "rank"):
+            with watch.stage("rank"):
                 grasps = keep_above(hand, obj, grasps)
                 if stable:
                     most = self.options.max_overlap_mm
                     grasps = judged_by_stability(hand, obj, grasps, most)
                 grasps = _best_of_each_map(grasps, count)
-        return replace(grasps, provenance={**grasps.provenance, "seconds": seconds})
+        return replace(grasps, provenance={**grasps.provenance, "seconds": watch.seconds})
 
 
 def _sound(fits: GraspSet, maps: int) -> GraspSet:
@@ -96,10 +94,3 @@ def _closed(hand: HandModel, obj: ObjectModel, grasps: GraspSet) -> GraspSet:
     q = close_until_touch(hand, obj, hand.q_of(grasps), rise=True)
     grasps = replace(grasps, joints=q[:, ROOT_DIM:].cpu())
     return grasps if obj.table is None else replace(grasps, poses=root_pose(q).cpu())
-
-
-@contextmanager
-def _timed(seconds: dict[str, float], stage: str) -> Iterator[None]:
-    started = time.perf_counter()
-    yield
-    seconds[stage] = time.perf_counter() - started

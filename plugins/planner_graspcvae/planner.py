@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -18,6 +17,7 @@ from gdg.kinds.distance import Distance
 from gdg.kinds.fitter import Progress
 from gdg.kinds.hand_model import HandModel
 from gdg.objects.model import ObjectModel
+from gdg.stopwatch import Stopwatch
 from gdg.weights_files import WeightsFile
 
 from .adapt import Agreement
@@ -64,17 +64,19 @@ class GraspCvaePlanner(HandLearner[GraspNetworks]):
         Raises:
             GdgError: there are no weights for this hand, or they can't be read.
         """
-        started = time.perf_counter()
-        weights, networks = self.loaded(hand)
-        agreement = Agreement(
-            hand, obj, networks.contact, weights.metadata["distance"], self._distance, self.options
-        )
-        q = self._decoded(networks, hand, obj, count, generator)
-        generated = time.perf_counter()
-        q = self._finished(agreement, hand, obj, q, progress)
-        fitted = time.perf_counter()
-        seconds = {"generate": generated - started, "fit": fitted - generated}
-        return self._judged(agreement, hand, obj, q, self._provenance(weights, seconds))
+        watch = Stopwatch()
+        with watch.stage("generate"):
+            weights, networks = self.loaded(hand)
+            q = self._decoded(networks, hand, obj, count, generator)
+        told = weights.metadata["distance"]
+        agreement = Agreement(hand, obj, networks.contact, told, self._distance, self.options)
+        if self.options.adapt and len(q):
+            with watch.stage("fit"):
+                q = self._adapted(agreement, q, progress)
+        if self.options.close and len(q):
+            with watch.stage("close"):
+                q = close_until_touch(hand, obj, q)
+        return self._judged(agreement, hand, obj, q, self._provenance(weights, watch.seconds))
 
     def network_of(self, hand: HandModel) -> GraspNetworks:
         """GraspCVAE and ContactNet."""
@@ -103,28 +105,15 @@ class GraspCvaePlanner(HandLearner[GraspNetworks]):
         center = center_of(points).expand(count, -1, -1)
         return hand.clamp(networks.cvae.decode(condition, center, latents))
 
-    def _finished(
-        self,
-        agreement: Agreement,
-        hand: HandModel,
-        obj: ObjectModel,
-        q: Tensor,
-        progress: Progress | None,
-    ) -> Tensor:
-        """The grasps adapted and closed, as configured."""
-        o = self.options
-        if o.adapt and len(q):
-            batches = q.split(MAX_BATCH)
-            total = len(batches) * o.adapt_steps
-            q = torch.cat(
-                [
-                    agreement.adapted(batch, _share(progress, number * o.adapt_steps, total))
-                    for number, batch in enumerate(batches)
-                ]
-            )
-        if o.close and len(q):
-            q = close_until_touch(hand, obj, q)
-        return q
+    def _adapted(self, agreement: Agreement, q: Tensor, progress: Progress | None) -> Tensor:
+        """The grasps after test-time adaptation."""
+        steps, batches = self.options.adapt_steps, q.split(MAX_BATCH)
+        return torch.cat(
+            [
+                agreement.adapted(batch, _share(progress, number * steps, len(batches) * steps))
+                for number, batch in enumerate(batches)
+            ]
+        )
 
     @torch.no_grad()
     def _judged(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -19,6 +18,7 @@ from gdg.kinds.fitter import Progress
 from gdg.kinds.hand_model import HandModel
 from gdg.objects.model import ObjectModel
 from gdg.rotations import ROOT_DIM
+from gdg.stopwatch import Stopwatch
 from gdg.weights_files import WeightsFile
 
 from .candidates import Candidates, candidates
@@ -62,13 +62,13 @@ class UniGraspPlanner(HandLearner[ContactSelection]):
             GdgError: there are no weights for this hand, they can't be read, its fingers came in
                 another order when they were trained, or fewer than two have contact regions.
         """
-        started = time.perf_counter()
-        weights, network = self.loaded(hand)
-        fingers = fingers_of(hand)
-        self._check_order(weights, hand, fingers)
-        fingers = fingers.first(self.options.contacts or len(fingers))
-        found = candidates(network, obj, len(fingers), self.options)
-        ranked = time.perf_counter()
+        watch = Stopwatch()
+        with watch.stage("generate"):
+            weights, network = self.loaded(hand)
+            fingers = fingers_of(hand)
+            self._check_order(weights, hand, fingers)
+            fingers = fingers.first(self.options.contacts or len(fingers))
+            found = candidates(network, obj, len(fingers), self.options)
         reach = Reach(hand, obj, fingers, self.options)
 
         def report(step: int) -> None:
@@ -77,13 +77,16 @@ class UniGraspPlanner(HandLearner[ContactSelection]):
 
         q = torch.zeros(0, ROOT_DIM + len(hand.joint_names), device=hand.device)
         if len(found.index) and count:
-            q = reach.solve(found.index, generator, report)
-        seconds = {"generate": ranked - started, "fit": time.perf_counter() - ranked}
+            with watch.stage("fit"):
+                q = reach.solve(found.index, generator, report)
+        if self.options.close and len(q):
+            with watch.stage("close"):
+                q = close_until_touch(hand, obj, q)
         provenance = {
             **self.stored.provenance(weights),
             "top": self.options.top,
             "fingers": list(fingers.names),
-            "seconds": seconds,
+            "seconds": watch.seconds,
         }
         return self._reached(reach, hand, obj, q, found, count, provenance)
 
@@ -129,8 +132,6 @@ class UniGraspPlanner(HandLearner[ContactSelection]):
         """The grasps that meet every threshold, lowest total first."""
         sets = slice(0, len(q))
         index, cost, error = found.index[sets], found.cost[sets], found.force_closure[sets]
-        if self.options.close and len(q):
-            q = close_until_touch(hand, obj, q)
         terms = reach.terms(q, index)
         rejected = {"no force closure": found.rejected}
         good = torch.ones(len(q), dtype=torch.bool, device=q.device)
