@@ -63,9 +63,10 @@ def judge(claim: Claim, first: Row | None, second: Row | None, settings: str = "
     chance = math.hypot(*map(chance_error, sides)) if claim.measure == "success" else 0.0
     low, high = mean_interval(differences, chance)
     verdict = "undecided"
-    if low < high:
-        verdict = "confirmed" if low > claim.margin else verdict
-        verdict = "refuted" if high < claim.margin else verdict
+    if low < high and low > claim.margin:
+        verdict = "confirmed"
+    elif low < high < claim.margin:
+        verdict = "refuted"
     return ClaimVerdict(claim, verdict, estimate, (low, high), settings)
 
 

@@ -68,8 +68,6 @@ def forget_pairs() -> None:
 
 
 def _planned(pair: Pair) -> GraspSet:
-    from gdg.quality import METRICS, measure
-
     job = pair.job
     _LOADED.warm_up(pair)
     grasps = pair.plan(job.n, generator_for(job.seed), contact_maps=False)
@@ -77,9 +75,7 @@ def _planned(pair: Pair) -> GraspSet:
     if len(grasps):
         palms = palm_directions(pair.hand, grasps)
         metrics = {**grasps.metrics, **dict(zip(PALM, palms.unbind(-1), strict=True))}
-        grasps = replace(grasps, metrics=metrics)
-        if not set(METRICS) <= metrics.keys():  # a planner that ranks by them has measured
-            grasps = measure(pair.hand, pair.obj, grasps)
+        grasps = pair.measured(replace(grasps, metrics=metrics))
     seconds = {"measure": time.perf_counter() - started}
     return _stamped(replace(grasps, contact_values=None), "plan", job.device, seconds)
 

@@ -66,7 +66,8 @@ def run_grasp(config: RunConfig, stages: Stages | None = None) -> GraspRun:
         grasps = verified_grasps(config, store, stages.stage("verified grasps"))
         store(grasps)
     else:
-        grasps = pair.plan(job.n, generator_for(job.seed), stages.stage("planning"))
+        planned = pair.plan(job.n, generator_for(job.seed), stages.stage("planning"))
+        grasps = pair.measured(planned)
         store(grasps)
         if job.simulate and len(grasps):
             grasps = pair.simulate(grasps, stages.stage("simulating"))

@@ -100,6 +100,12 @@ class Pair:
             scene=self.obj.scene,
         )
 
+    def measured(self, grasps: GraspSet) -> GraspSet:
+        """The grasps with overlap, contacts and what these resist; see ``gdg.quality.measure``."""
+        from gdg.quality import measure  # libraries that planning alone does without
+
+        return measure(self.hand, self.obj, grasps) if len(grasps) else grasps
+
     def simulate(self, grasps: GraspSet, progress: Progress | None = None) -> GraspSet:
         """Tests grasps under the job's protocol; the result carries verdicts and drive targets."""
         protocol = load_protocol(self.job.protocol)

@@ -148,7 +148,7 @@ def _finished(task: ShardTask, pair: Pair, seed: int, planned: GraspSet) -> Made
     with watch.stage("measure"):
         kept = tested if job.keep_failed else tested.select(tested.passed)
         if len(kept):
-            kept = _measured(pair, kept)
+            kept = pair.measured(kept)
     told = planned.provenance
     counts = ShardCounts(
         candidates=told.get("candidates", len(planned)),
@@ -237,12 +237,6 @@ def _clear(pair: Pair, grasps: GraspSet, job: SynthJob) -> tuple[GraspSet, Count
     )
     keep = [i for i, good in enumerate((outside & apart).tolist()) if good]
     return grasps.select(keep), rejected
-
-
-def _measured(pair: Pair, grasps: GraspSet) -> GraspSet:
-    from gdg.quality import measure
-
-    return measure(pair.hand, pair.obj, grasps)
 
 
 def _packed(key: str, grasps: GraspSet, facts: dict[str, object]) -> bytes:

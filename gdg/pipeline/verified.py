@@ -82,7 +82,7 @@ def verified_grasps(
 def tested_batch(batch: Batch) -> GraspSet:
     """A batch of proposals with their verdicts."""
     pair = _pair(batch.config)
-    planned = pair.plan(BATCH, generator_for(batch.seed))
+    planned = pair.measured(pair.plan(BATCH, generator_for(batch.seed)))
     return pair.simulate(planned) if len(planned) else planned
 
 

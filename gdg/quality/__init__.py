@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
+import numpy as np
 import torch
+from jaxtyping import Float
+from torch import Tensor
 
 from gdg.data.contacts import ContactSet
 from gdg.data.grasps import GraspSet
@@ -13,7 +17,12 @@ from gdg.objects.model import ObjectModel
 from gdg.quality.contact_points import find_contacts
 from gdg.quality.fingers import fingers_of_links
 from gdg.quality.overlap import Overlap, exact_overlap
-from gdg.quality.wrench_space import FRICTION, WrenchSpace, wrench_space
+from gdg.quality.wrench_space import (
+    FRICTION,
+    WrenchSpace,
+    force_closure_margin,
+    wrench_space,
+)
 
 __all__ = [
     "METRICS",
@@ -21,6 +30,8 @@ __all__ = [
     "WrenchSpace",
     "exact_overlap",
     "find_contacts",
+    "force_closure_margin",
+    "force_closure_margins",
     "measure",
     "wrench_space",
 ]
@@ -86,8 +97,30 @@ def measure(
     return replace(grasps, metrics={**grasps.metrics, **measured}, contacts=contacts)
 
 
+def force_closure_margins(
+    obj: ObjectModel, contacts: ContactSet, friction: float = FRICTION
+) -> Float[Tensor, "grasp"]:
+    """``force_closure_margin`` of each grasp; torques per the object's reach."""
+    margins = [
+        force_closure_margin(points, normals, obj.reach, friction)
+        for points, normals in _around_center(obj, contacts)
+    ]
+    return torch.tensor(margins, dtype=torch.float32)
+
+
 def _wrench_spaces(obj: ObjectModel, contacts: ContactSet, friction: float) -> list[WrenchSpace]:
+    return [
+        wrench_space(points, normals, obj.reach, friction)
+        for points, normals in _around_center(obj, contacts)
+    ]
+
+
+def _around_center(
+    obj: ObjectModel, contacts: ContactSet
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Points, relative to the centre of mass, and normals of each grasp's contacts."""
     center = obj.center_of_mass.cpu().double().numpy()
     points, normals = contacts.points.double().numpy() - center, contacts.normals.double().numpy()
-    rows = [contacts.rows(index) for index in range(len(contacts))]
-    return [wrench_space(points[r], normals[r], obj.reach, friction) for r in rows]
+    for index in range(len(contacts)):
+        rows = contacts.rows(index)
+        yield points[rows], normals[rows]

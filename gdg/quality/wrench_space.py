@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from jaxtyping import Float
@@ -24,6 +25,11 @@ CONE_EDGES = 8
 FLAT_SHARE = 1e-6
 #: A point whose part along a surface is shorter than this share of its length gives no direction.
 STEEP_SHARE = 0.1
+#: A space is taken to hold the origin if it is no further off.
+ON_ORIGIN = 1e-6
+#: Directions in which a space's least extent is sought, those that are followed downhill, and the
+#: first and last step and number of steps.
+DIRECTIONS, FOLLOWED, STEPS = 1024, 32, (0.2, 0.003, 60)
 
 
 @dataclass(frozen=True)
@@ -66,13 +72,66 @@ def wrench_space(
     if len(wrenches) == 0:
         return WrenchSpace(0.0, 0.0, math.nan)
     residual = _distance_to_origin(wrenches)
-    spread = np.linalg.svd(wrenches - wrenches.mean(0), compute_uv=False)
-    if len(spread) < 6 or spread[5] < FLAT_SHARE * spread[0] or len(wrenches) < 7:
+    if _is_flat(wrenches):
         return WrenchSpace(0.0, 0.0, residual)
     # joggled by some 1e-11, twice as fast as merging the flat pyramids' facets; same to 9 digits
     hull = ConvexHull(wrenches, qhull_options="QJ")
     epsilon = max(0.0, -float(hull.equations[:, 6].max()))
     return WrenchSpace(epsilon, float(hull.volume), residual)
+
+
+def force_closure_margin(
+    points: Float[np.ndarray, "contact 3"],
+    normals: Float[np.ndarray, "contact 3"],
+    length: float,
+    friction: float = FRICTION,
+    edges: int = CONE_EDGES,
+) -> float:
+    """How far zero is inside the wrench space, or, negative, outside of it; NaN without contacts.
+
+    Outside exact (−``WrenchSpace.residual``); inside an upper bound of ``WrenchSpace.epsilon``,
+    some 5 to 10 % above it, which takes a twentieth of the time and ranks grasps alike: ε is the
+    least extent of the space over all directions, and this the least that is found going downhill
+    from the best of many directions.
+
+    Args:
+        points: as of ``wrench_space``, like all others.
+        normals: likewise.
+        length: likewise.
+        friction: likewise.
+        edges: likewise.
+    """
+    wrenches = contact_wrenches(points, normals, length, friction, edges)
+    if len(wrenches) == 0:
+        return math.nan
+    residual = _distance_to_origin(wrenches)
+    if residual > ON_ORIGIN:
+        return -residual
+    if _is_flat(wrenches):
+        return 0.0
+    directions = _directions()
+    extents = (directions @ wrenches.T).max(1)
+    directions = directions[extents.argsort()[:FOLLOWED]]
+    least = math.inf
+    for step in np.geomspace(*STEPS):
+        along = directions @ wrenches.T
+        farthest = along.argmax(1)
+        least = min(least, float(along[np.arange(len(along)), farthest].min()))
+        directions = directions - step * wrenches[farthest]
+        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    return max(0.0, least)
+
+
+def _is_flat(wrenches: Float[np.ndarray, "wrench 6"]) -> bool:
+    """Whether there are wrenches against which the space has no extent."""
+    spread = np.linalg.svd(wrenches - wrenches.mean(0), compute_uv=False)
+    return bool(len(wrenches) < 7 or spread[5] < FLAT_SHARE * spread[0])
+
+
+@lru_cache(maxsize=1)
+def _directions() -> Float[np.ndarray, "direction 6"]:
+    drawn = np.random.default_rng(0).normal(size=(DIRECTIONS, 6))
+    return drawn / np.linalg.norm(drawn, axis=1, keepdims=True)
 
 
 def contact_wrenches(

@@ -23,7 +23,7 @@ class ContactMapOptions(Options):
             costs nothing when ranking by ``stability``.
     """
 
-    maps: Annotated[float, Field(ge=1, le=100)] = 2.0
+    maps: Annotated[float, Field(ge=1, le=100)] = 4.0
     close: bool = True
     rank: Literal["energy", "stability"] = "stability"
     max_overlap_mm: Annotated[float, Field(ge=0)] = 1.5

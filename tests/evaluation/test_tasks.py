@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -16,7 +15,6 @@ from gdg.config import RunConfig
 from gdg.data.grasps import GraspSet
 from gdg.evaluation.tasks import Task, forget_pairs, run_task
 from gdg.pipeline.fingerprint import plan_fingerprint
-from gdg.quality import METRICS, measure
 
 ONE = "object=cube_small"
 
@@ -104,28 +102,3 @@ def test_a_warm_up_leaves_the_grasps_as_they_are(configs):
     cold, warm = planned(config), planned(config)
     assert torch.equal(cold.poses, warm.poses)
     assert torch.equal(cold.joints, warm.joints)
-
-
-@pytest.mark.parametrize(("measures", "calls"), [(True, 0), (False, 1)])
-def test_what_the_planner_has_measured_is_not_measured_again(
-    configs, monkeypatch: pytest.MonkeyPatch, measures: bool, calls: int
-):
-    seen, plain = [], FakePlanner.plan
-
-    def counted(*given):
-        seen.append(given)
-        return measure(*given)
-
-    def measured_plan(self, hand, obj, count, *rest):
-        grasps = measure(hand, obj, plain(self, hand, obj, count, *rest))
-        return replace(grasps, metrics={**grasps.metrics, "epsilon": torch.full((count,), 0.5)})
-
-    monkeypatch.setattr(gdg.quality, "measure", counted)
-    if measures:
-        monkeypatch.setattr(FakePlanner, "plan", measured_plan)
-    (config,) = configs(ONE, "n=2")
-    grasps = planned(config)
-    assert len(seen) == calls
-    assert set(METRICS) <= set(grasps.metrics)
-    assert ((grasps.metrics["epsilon"] == 0.5).all().item()) == measures
-    assert grasps.contacts is not None

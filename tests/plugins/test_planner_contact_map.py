@@ -23,7 +23,7 @@ from gdg.testing.fixtures import HALF_CUBE_M, StandInGenerator, jaw_grasps
 from gdg.testing.gripper import OPEN_M
 
 #: What is chosen where nothing is said.
-DEFAULTS = {"maps": 2.0, "close": True, "rank": "stability", "max_overlap_mm": 1.5}
+DEFAULTS = {"maps": 4.0, "close": True, "rank": "stability", "max_overlap_mm": 1.5}
 #: How far the stand-in's fits leave the jaws open, worst fit first; metres per grasp.
 LEFT_OPEN_M = (0.02, 0.0, 0.01)
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog
 from scipy.spatial.transform import Rotation
 
-from gdg.quality.wrench_space import contact_wrenches, wrench_space
+from gdg.quality.wrench_space import contact_wrenches, force_closure_margin, wrench_space
 
 #: The six points of a unit sphere on the axes; outward normals there are the same.
 AXES = np.concatenate((np.eye(3), -np.eye(3)))
@@ -71,6 +71,25 @@ def test_residuals_of_unbalanced_contacts():
         math.sqrt(2) / 2
     )
     assert 0 < wrench_space(right_angle, right_angle, 1.0, 0.5).residual < 0.6
+
+
+def test_the_margin_is_the_residual_outside_and_hardly_more_than_epsilon_inside():
+    ratios = []
+    for seed in range(60):
+        contacts = random_contacts(seed, 4 + seed % 8)
+        space, margin = wrench_space(*contacts, 0.1), force_closure_margin(*contacts, 0.1)
+        if space.residual > 1e-6:
+            assert margin == -space.residual
+        else:
+            assert margin >= space.epsilon - 1e-9
+            ratios.append(margin / space.epsilon)
+    assert len(ratios) > 20
+    assert np.mean(ratios) < 1.15
+
+
+def test_the_margin_of_a_flat_space_is_zero_and_unknown_without_contacts():
+    assert force_closure_margin(AXES[[0, 3]], AXES[[0, 3]], 1.0) == 0.0
+    assert math.isnan(force_closure_margin(AXES[:0], AXES[:0], 1.0))
 
 
 def test_without_contacts_there_is_nothing_to_measure():
