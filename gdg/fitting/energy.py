@@ -21,6 +21,10 @@ from gdg.penetration import (
 
 #: The release's weight of its mean penetration, per metre.
 NEAREST_WEIGHT = 100.0
+#: What one evaluation with its gradient holds, bytes: measured on the CPU, where penetration is one
+#: compiled pass, and what tensor operations elsewhere add per hand point.
+BYTES_PER_OBJECT_POINT, BYTES_PER_HAND_POINT, BYTES_PER_LINK = 190, 12, 450
+EAGER_BYTES_PER_HAND_POINT = 100
 
 
 @dataclass(frozen=True)
@@ -84,6 +88,17 @@ class FitEnergy:
             normals=self.normals[chosen],
             targets=self.targets[:, chosen],
             surface=self.surface.every(stride),
+        )
+
+    @property
+    def particle_bytes(self) -> int:
+        """About what one particle takes while its energy and gradient are computed."""
+        whole_hand = len(self.hand.surface.points) if self.hand.device.type != "cpu" else 0
+        return (
+            BYTES_PER_OBJECT_POINT * len(self.points)
+            + BYTES_PER_HAND_POINT * len(self.surface.points)
+            + EAGER_BYTES_PER_HAND_POINT * whole_hand
+            + BYTES_PER_LINK * len(self.hand.link_names)
         )
 
     def terms(

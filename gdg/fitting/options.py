@@ -34,6 +34,8 @@ class FitOptions(Options):
             hand finds the contacts first and ends outside the object.
         limit_weight: weight of the joint-limit norm E_n.
         self_weight: weight of self-penetration, per metre; 0 leaves it out.
+        max_memory_mb: how much a fit may hold at once, beside what the libraries take; more maps
+            are fitted in groups, with the same result.
         keep: how many particles of each map are returned, the lowest energies first, at most all; a
             planner chooses among them. The paper keeps one.
     """
@@ -49,4 +51,5 @@ class FitOptions(Options):
     penetration_ramp: Annotated[float, Field(ge=1)] = 30.0
     limit_weight: Weight = 1.0
     self_weight: Weight = 1.0
+    max_memory_mb: Annotated[float, Field(gt=0)] = 250.0
     keep: Count = 8

@@ -23,11 +23,9 @@ from gdg.kinds.fitter import Fitter, Progress
 from gdg.kinds.hand_model import HandModel
 from gdg.objects.model import ObjectModel
 from gdg.penetration.table import raised
+from gdg.rotations import ROOT_DIM
 from gdg.scenes.reach import reachable
 
-#: Points of object and hand in one evaluation, and particles of the maps that are fitted together;
-#: both bound the memory, however many maps there are.
-MAX_POINTS, MAX_PARTICLES = 256 * (2048 + 1600), 2048
 #: Fitted hands end at least so high above a table, metres.
 TABLE_CLEARANCE_M = 0.001
 
@@ -73,6 +71,9 @@ class Particles:
 class ParticleFitter(Fitter, Generic[AnyOptions]):
     """Adam on all of q, from many starts per map, in rounds of ever fewer particles.
 
+    Each map has a random stream of its own, so its fits don't depend on the maps after it, nor on
+    how many are fitted at once.
+
     On a table, contact is sought only where fingers get, and the hand is raised by what is left
     below.
     """
@@ -98,24 +99,33 @@ class ParticleFitter(Fitter, Generic[AnyOptions]):
         energy = self.energy(hand, obj, maps)
         plan = self.rounds() if len(maps) else ()
         rounds = [(one, _coarse(energy, one, generator)) for one in plan]
-        size = max(1, MAX_PARTICLES // self.options.particles)
-        groups = torch.arange(len(maps), device=hand.device).split(size)
+        seeds = torch.randint(2**62, (len(maps),), generator=generator, device=generator.device)
+        groups = torch.arange(len(maps)).split(self._maps_at_once(energy, rounds))
         steps = _Steps(len(groups), sum(one.steps for one, _ in rounds), progress)
-        found = [self._fitted(energy, rounds, group, generator, steps) for group in groups]
+        found = []
+        for group in groups:
+            particles = Particles(
+                self._starts(hand, obj, seeds[group].tolist()),
+                group.to(hand.device).repeat_interleave(self.options.particles),
+            )
+            found.append(self._fitted(energy, rounds, particles, steps))
         return self._grasps(hand, obj, maps, Judged.joined(found))
+
+    def _maps_at_once(self, energy: FitEnergy, rounds: Sequence[tuple[Round, FitEnergy]]) -> int:
+        """How many maps all of whose particles fit into memory together."""
+        largest = max((one.particles * coarse.particle_bytes for one, coarse in rounds), default=1)
+        last = rounds[-1][0].particles * energy.particle_bytes if rounds else 1
+        return max(1, int(1e6 * self.options.max_memory_mb / max(largest, last)))
 
     def _fitted(
         self,
         energy: FitEnergy,
         rounds: Sequence[tuple[Round, FitEnergy]],
-        maps: Int[Tensor, "map"],
-        generator: torch.Generator,
+        particles: Particles,
         steps: _Steps,
     ) -> Judged:
-        """The particles that are kept of some of the maps, after all rounds."""
+        """The particles that are kept of some maps, after all rounds."""
         hand, obj, each = energy.hand, energy.obj, self.options.particles
-        starts = self._start(hand, obj, each * len(maps), generator)
-        particles = Particles(starts, maps.repeat_interleave(each))
         for one, coarse in rounds:
             if one.particles < each:
                 best = _best(_totals(coarse, particles), each, one.particles)
@@ -141,6 +151,16 @@ class ParticleFitter(Fitter, Generic[AnyOptions]):
         return FitEnergy(
             hand, obj, obj.points, obj.normals, targets, hand.surface, self.distance, self.options
         )
+
+    def _starts(
+        self, hand: HandModel, obj: ObjectModel, seeds: Sequence[int]
+    ) -> Float[Tensor, "batch dof"]:
+        """Where the particles of maps with these seeds begin."""
+        starts = [torch.zeros(0, ROOT_DIM + len(hand.joint_names), device=hand.device)]
+        for seed in seeds:
+            generator = torch.Generator().manual_seed(seed)
+            starts.append(self._start(hand, obj, self.options.particles, generator))
+        return torch.cat(starts)
 
     def _start(self, hand: HandModel, obj: ObjectModel, count: int, g: torch.Generator) -> Tensor:
         if self.options.start == "surface":
@@ -258,7 +278,7 @@ def _or_inf(energies: Float[Tensor, "batch"]) -> Float[Tensor, "batch"]:
 
 def _held_at_once(energy: FitEnergy) -> int:
     """How many particles fit into memory together."""
-    return max(1, MAX_POINTS // (len(energy.points) + len(energy.surface.points)))
+    return max(1, int(1e6 * energy.options.max_memory_mb / energy.particle_bytes))
 
 
 def _best(energies: Float[Tensor, "batch"], each: int, count: int) -> Int[Tensor, "kept"]:

@@ -205,14 +205,12 @@ def test_the_best_particle_is_chosen_and_all_can_be_had(
 
 
 def test_splitting_the_maps_into_batches_keeps_their_order(
-    gripper_model: HandModel, cube: ObjectModel, maps: ContactMap, monkeypatch: pytest.MonkeyPatch
+    gripper_model: HandModel, cube: ObjectModel, maps: ContactMap
 ):
-    held = len(cube.points) + len(gripper_model.surface.points)
-    monkeypatch.setattr("gdg.fitting.particles.MAX_POINTS", 4 * held)
-    monkeypatch.setattr("gdg.fitting.particles.MAX_PARTICLES", 4)
+    particle_mb = 1e-6 * fitter().energy(gripper_model, cube, maps).particle_bytes
     values = torch.cat((maps.values, torch.zeros_like(maps.values), torch.ones_like(maps.values)))
     reported: list[tuple[int, int]] = []
-    found = fitter(particles=2, steps=3).fit(
+    found = fitter(particles=2, steps=3, max_memory_mb=5 * particle_mb).fit(
         gripper_model, cube, replace(maps, values=values), seeded(),
         lambda done, total: reported.append((done, total)),
     )  # fmt: skip
@@ -242,11 +240,12 @@ def test_both_kinds_of_starts_are_used(gripper_model: HandModel, cube: ObjectMod
 
 
 def with_nan(monkeypatch: pytest.MonkeyPatch, rows: list[int]) -> None:
-    original = AdamFitter._start
+    """Spoils some starts of the first map."""
+    original, spoil = AdamFitter._start, [rows]
 
     def spoiled(self, hand, obj, count: int, generator: torch.Generator) -> Tensor:
         q = original(self, hand, obj, count, generator)
-        q[rows] = math.nan
+        q[spoil.pop() if spoil else []] = math.nan
         return q
 
     monkeypatch.setattr(AdamFitter, "_start", spoiled)

@@ -92,16 +92,28 @@ def test_the_best_of_each_map_go_on():
 
 
 def test_maps_are_fitted_in_groups_that_keep_their_order(
-    gripper_model: HandModel, cube: ObjectModel, maps: ContactMap, monkeypatch: pytest.MonkeyPatch
+    gripper_model: HandModel, cube: ObjectModel, maps: ContactMap
 ):
-    monkeypatch.setattr("gdg.fitting.particles.MAX_PARTICLES", 8)
     reported: list[tuple[int, int]] = []
-    run = fitter(particles=8, finalists=2, keep=2, steps=6, sharpen=False)
+    run = fitter(particles=8, finalists=2, keep=2, steps=6, sharpen=False, max_memory_mb=0.01)
     found = run.fit(gripper_model, cube, maps, seeded(), lambda *step: reported.append(step))
     assert reported == [(step, 12) for step in range(1, 13)]
     assert found.contact_values is not None
     contact = (found.contact_values - maps.values.repeat_interleave(2, 0)).abs().mean(-1)
     torch.testing.assert_close(found.energies["contact"], contact)
+
+
+def test_neither_the_memory_bound_nor_further_maps_change_a_fit(
+    gripper_model: HandModel, cube: ObjectModel, maps: ContactMap
+):
+    settings = {"particles": 8, "finalists": 2, "keep": 2, "steps": 6}
+    together = fitter(**settings).fit(gripper_model, cube, maps, seeded())
+    # less than one particle: they are evaluated one by one
+    bounded = fitter(**settings, max_memory_mb=1e-3).fit(gripper_model, cube, maps, seeded())
+    first = replace(maps, values=maps.values[:1])
+    alone = fitter(**settings).fit(gripper_model, cube, first, seeded())
+    torch.testing.assert_close(bounded.poses, together.poses, rtol=0, atol=1e-4)
+    torch.testing.assert_close(alone.poses, together.poses[:2], rtol=0, atol=1e-4)
 
 
 def test_as_many_as_are_to_be_kept_reach_the_last_round():
