@@ -37,7 +37,8 @@ def grasp(
         **job: further fields of ``gdg.pipeline.jobs.PairJob``: seed, device, protocol, ….
 
     Returns:
-        At most ``n`` grasps, best first; poses in the object's frame, joints by name.
+        At most ``n`` grasps, best first, with metrics and contacts (``gdg.quality``); poses in the
+        object's frame, joints by name.
 
     Raises:
         GdgError: anything given that is missing, malformed or unknown.
@@ -48,7 +49,7 @@ def grasp(
     from gdg.pipeline.pair import Pair, generator_for
 
     pair = Pair.load(configs[0])
-    grasps = pair.plan(pair.job.n, generator_for(pair.job.seed))
+    grasps = pair.measured(pair.plan(pair.job.n, generator_for(pair.job.seed)))
     return pair.simulate(grasps) if simulate and len(grasps) else grasps
 
 

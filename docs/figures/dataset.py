@@ -17,15 +17,13 @@ from pathlib import Path
 
 from dataset_pictures import draw_pictures
 from dataset_statistics import STAGES, PairFacts, hands_of, read_pairs, tables
+from pages import write_tables
 
 from gdg.data.info import dataset_info
 from gdg.data.shards import shard_files
 
 DOCS = Path(__file__).resolve().parents[1]
 PAGE, IMAGES = DOCS / "dataset.md", DOCS / "images"
-#: Between these lines of the page stand the tables.
-BEGIN = "<!-- tables: begin (docs/figures/dataset.py RUN_FOLDER --write) -->"
-END = "<!-- tables: end -->"
 
 
 def main() -> None:
@@ -45,7 +43,7 @@ def main() -> None:
     text = f"{summary(given.folder, pairs)}\n\n{tables(pairs)}"
     print(text)
     if given.write:
-        PAGE.write_text(with_tables(PAGE.read_text(encoding="utf-8"), text), encoding="utf-8")
+        write_tables(PAGE, text)
     if not given.no_pictures:
         for path in draw_pictures(pairs, given.images):
             print(f"{path.name}: {path.stat().st_size // 1000} kB")
@@ -69,15 +67,6 @@ def _written(folder: Path) -> str:
     if not (folder / "synth.json").is_file():
         return ""
     return f", {(max(times) - min(times)) / 3600:.1f} hours from the first shard to the last"
-
-
-def with_tables(page: str, text: str) -> str:
-    """The page with these tables between its marks."""
-    head, begin, rest = page.partition(BEGIN)
-    _, end, tail = rest.partition(END)
-    if not begin or not end:
-        raise SystemExit(f"{PAGE}: lacks the lines {BEGIN} and {END}")
-    return f"{head}{begin}\n\n{text}\n\n{end}{tail}"
 
 
 if __name__ == "__main__":

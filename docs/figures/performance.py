@@ -1,0 +1,356 @@
+"""How time and memory grow, and where the time goes; refreshes docs/performance.md.
+
+    python docs/figures/performance.py [--quick] [--write]
+
+Give it an otherwise idle machine. Every fit is measured in a process of its own, after one that
+compiles and warms up: wall seconds, the least of three, and how much the process's memory grew at
+its peak. Fits of one table go in turn, so that a slow moment of the machine hits all alike.
+``--write`` puts the tables into docs/performance.md and draws docs/images/performance.png.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import resource
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, field, replace
+from multiprocessing import get_context
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import torch
+from pages import write_tables
+
+from gdg.config import compose
+from gdg.engine.threads import limit_threads, usable_cores
+from gdg.evaluation.hardware import hardware
+from gdg.kinds.fitter import Fitter
+from gdg.kinds.generator import Generator
+from gdg.nearest import EPSILON_M, nearest_hand_points
+from gdg.nearest.eager import nearest_exhaustive
+from gdg.pipeline.jobs import DEFAULTS, PairJob
+from gdg.pipeline.pair import Pair, generator_for
+from gdg.registry import get_registry
+
+DOCS = Path(__file__).resolve().parents[1]
+PAGE, PICTURE = DOCS / "performance.md", DOCS / "images" / "performance.png"
+#: Operations of the search per pair of points: 3 differences, two sums of products (5 each), square
+#: root, sum, quotient, product, and 15 of the exponential.
+OPERATIONS_PER_PAIR = 32
+#: What is swept, and what stays meanwhile.
+PLAIN = {"fitter": "halving", "hand": "shadowhand", "maps": 8, "threads": 1}
+SWEEPS: tuple[tuple[str, tuple[object, ...]], ...] = (
+    ("fitter.last_points", (256, 512, 1024, 2048)),
+    ("hand_model.surface_points", (400, 800, 1600, 3200)),
+    ("fitter.particles", (32, 64, 128, 256)),
+    ("maps", (1, 2, 4, 8, 16, 32)),
+    ("hand", ("ezgripper", "barrett", "allegro", "shadowhand")),
+    ("fitter.max_memory_mb", (25, 50, 100, 250, 1000)),
+)
+#: Quality against time: (label, fitter, settings, values of the last one).
+PLAIN_ADAM = ("fitter.search_every=1", "fitter.extra_weight=0")
+CURVES: tuple[tuple[str, str, tuple[str, ...], str, tuple[int, ...]], ...] = (
+    ("adam, every step exact", "adam", PLAIN_ADAM, "fitter.steps", (25, 50, 100)),
+    ("adam", "adam", (), "fitter.steps", (25, 50, 100, 200)),
+    ("halving", "halving", (), "fitter.particles", (32, 64, 128, 256, 512)),
+)
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A fit to be measured.
+
+    Attributes:
+        fitter: name.
+        hand: name.
+        maps: how many are fitted together.
+        threads: that torch may use.
+        words: further settings.
+        object: name.
+        seed: of the maps and the fit.
+        device: ``cpu`` or ``cuda``.
+    """
+
+    fitter: str = "halving"
+    hand: str = "shadowhand"
+    maps: int = 8
+    threads: int = 1
+    words: tuple[str, ...] = field(default=())
+    object: str = "rubber_duck"
+    seed: int = 0
+    device: str = "cpu"
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What a fit took, and gave.
+
+    Attributes:
+        seconds: per map.
+        memory_mb: by which the process grew.
+        energy: mean of the lowest total of each map.
+        joints: of the hand.
+    """
+
+    seconds: float
+    memory_mb: float
+    energy: float
+    joints: int
+
+
+def main() -> None:
+    """Measures, prints, writes, draws."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
+    parser.add_argument("--quick", action="store_true", help="one round, fewer values")
+    parser.add_argument("--write", action="store_true", help="put the tables into the page")
+    given = parser.parse_args()
+    rounds = 1 if given.quick else 3
+    curves = quality((0,) if given.quick else (0, 1))
+    text = "\n\n".join(
+        (
+            f"{hardware('cpu')}; {time.strftime('%Y-%m-%d')}.",
+            "### The search for the nearest hand points",
+            search_table(given.quick),
+            "### Fits",
+            scaling_table(rounds),
+            cores_table(rounds),
+            "### Quality against time",
+            quality_table(curves),
+            "### Where the time of a grasp goes",
+            stages_table(8 if given.quick else 16),
+        )
+    )
+    print(text)
+    if given.write:
+        write_tables(PAGE, text)
+        draw(curves)
+
+
+# -- the search --------------------------------------------------------------------------------
+
+
+def search_table(quick: bool) -> str:
+    """Compiled and tensor search, one thread, and how far from the machine's peak."""
+    before = limit_threads(1)
+    peak = matrix_peak()
+    rows = []
+    for particles, points, hand_points in (
+        (8, 2048, 1600), (32, 2048, 1600), (128, 2048, 1600), (32, 512, 1600), (32, 8192, 1600),
+        (32, 2048, 400), (32, 2048, 6400),
+    ):  # fmt: skip
+        drawn = torch.Generator().manual_seed(0)
+        around = 0.05 * torch.randn(points, 3, generator=drawn)
+        hand = 0.05 * torch.randn(particles, hand_points, 3, generator=drawn)
+        arguments = (around, torch.nn.functional.normalize(around, dim=-1), hand, 1.0)
+        compiled = least(lambda a=arguments: nearest_hand_points(*a), 5)
+        eager = math.nan if quick else least(lambda a=arguments: nearest_exhaustive(*a, EPSILON_M))
+        rate = OPERATIONS_PER_PAIR * particles * points * hand_points / compiled / 1e9
+        rows.append(
+            (
+                particles, points, hand_points, f"{1000 * compiled:.1f} ms",
+                f"{1000 * eager:.0f} ms", f"{eager / compiled:.1f}", f"{rate:.0f}",
+                f"{100 * rate / peak:.0f} %",
+            )
+        )  # fmt: skip
+    limit_threads(before)
+    head = (
+        "particles", "object points", "hand points", "compiled", "tensor operations",
+        "times as fast", "10⁹ operations/s", f"of {peak:.0f} (float32 matrix product)",
+    )  # fmt: skip
+    return table(head, rows)
+
+
+def matrix_peak(size: int = 1024) -> float:
+    """10⁹ operations per second of a float32 matrix product."""
+    a, b = torch.rand(size, size), torch.rand(size, size)
+    return 2 * size**3 / least(lambda: a @ b, 10) / 1e9
+
+
+def least(run: Callable[[], object], rounds: int = 3) -> float:
+    """The least wall seconds of some runs, after one that warms up."""
+    run()
+    seconds = []
+    for _ in range(rounds):
+        started = time.perf_counter()
+        run()
+        seconds.append(time.perf_counter() - started)
+    return min(seconds)
+
+
+# -- fits --------------------------------------------------------------------------------------
+
+
+def scaling_table(rounds: int) -> str:
+    """Seconds and memory while one thing grows."""
+    settings = [varied(name, value) for name, values in SWEEPS for value in values]
+    found = iter(in_turn(settings, rounds))
+    rows = []
+    for name, values in SWEEPS:
+        for value in values:
+            one = next(found)
+            label = f"{value} ({one.joints} joints)" if name == "hand" else value
+            rows.append((f"`{name}`", label, f"{one.seconds:.2f}", f"{one.memory_mb:.0f}"))
+    return table(("what grows", "value", "s per map", "memory MB"), rows)
+
+
+def varied(name: str, value: object) -> Setting:
+    """The plain setting with one thing changed."""
+    plain = Setting(**PLAIN)  # type: ignore[arg-type]
+    if name in PLAIN:
+        return replace(plain, **{name: value})  # type: ignore[arg-type]
+    return replace(plain, words=(f"{name}={value}",))
+
+
+def cores_table(rounds: int) -> str:
+    """The same fit with one and more threads, and on a GPU if there is one."""
+    counts = sorted({1, usable_cores()})
+    settings = [Setting(fitter=f, threads=n) for f in ("halving", "adam") for n in counts]
+    if torch.cuda.is_available():
+        settings += [Setting(fitter=f, device="cuda", maps=64) for f in ("halving", "adam")]
+    rows = [
+        (f"`{s.fitter}`", s.device, s.threads, f"{one.seconds:.2f}", f"{one.memory_mb:.0f}")
+        for s, one in zip(settings, in_turn(settings, rounds), strict=True)
+    ]
+    return table(("fitter", "device", "threads", "s per map", "memory MB"), rows)
+
+
+def in_turn(settings: Sequence[Setting], rounds: int) -> list[Measured]:
+    """Measures all settings, each in a fresh process, as often; the least seconds of each."""
+    results = []
+    for _ in range(rounds):
+        with ProcessPoolExecutor(
+            1, mp_context=get_context("spawn"), max_tasks_per_child=1
+        ) as processes:
+            results.append(list(processes.map(measure, settings)))
+    return [
+        replace(of_one[0], seconds=min(one.seconds for one in of_one))
+        for of_one in zip(*results, strict=True)
+    ]
+
+
+def measure(setting: Setting) -> Measured:
+    """Fits the maps of a setting."""
+    limit_threads(setting.threads)
+    words = (
+        f"hand={setting.hand}", f"object={setting.object}", f"fitter={setting.fitter}",
+        f"device={setting.device}", *setting.words,
+    )  # fmt: skip
+    (config,) = compose(PairJob, get_registry(), DEFAULTS, (), words)
+    pair = Pair.load(config)
+    generator: Generator = pair.components.get("generator")
+    fitter: Fitter = pair.components.get("fitter")
+    maps = generator.generate(pair.obj, setting.maps, generator_for(setting.seed))
+    one = replace(maps, values=maps.values[:1])
+    fitter.fit(pair.hand, pair.obj, one, generator_for(0))
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    started = time.perf_counter()
+    fits = fitter.fit(pair.hand, pair.obj, maps, generator_for(setting.seed))
+    seconds = time.perf_counter() - started
+    after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    energies = fits.energies["total"].reshape(setting.maps, -1)
+    return Measured(
+        seconds / setting.maps,
+        (after - before) / 1000,
+        float(energies.amin(1).mean()),
+        len(pair.hand.joint_names),
+    )
+
+
+# -- quality -----------------------------------------------------------------------------------
+
+#: Label of a curve -> (value of its last setting, seconds per map, energy) per point.
+Curves = dict[str, list[tuple[int, float, float]]]
+
+
+def quality(seeds: Sequence[int]) -> Curves:
+    """Lowest energies against seconds, means over hands, objects and seeds."""
+    cases = [
+        {"hand": hand, "object": thing, "seed": seed}
+        for hand in ("barrett", "shadowhand")
+        for thing in ("rubber_duck", "camera")
+        for seed in seeds
+    ]
+    points = [
+        (label, value, Setting(fitter=fitter, maps=4, words=(*words, f"{name}={value}"), **case))
+        for label, fitter, words, name, values in CURVES
+        for value in values
+        for case in cases
+    ]
+    found = in_turn([setting for _, _, setting in points], 1)
+    curves: Curves = {}
+    for label, _, _, _, values in CURVES:
+        for value in values:
+            own = [
+                one
+                for (at, what, _), one in zip(points, found, strict=True)
+                if (at, what) == (label, value)
+            ]
+            seconds, energy = (
+                float(np.mean([getattr(one, name) for one in own]))
+                for name in ("seconds", "energy")
+            )
+            curves.setdefault(label, []).append((value, seconds, energy))
+    return curves
+
+
+def quality_table(curves: Curves) -> str:
+    """One row per point."""
+    names = {label: name for label, _, _, name, _ in CURVES}
+    rows = [
+        (label, f"`{names[label]}={value}`", f"{seconds:.2f}", f"{energy:.4f}")
+        for label, points in curves.items()
+        for value, seconds, energy in points
+    ]
+    return table(("fit", "setting", "s per map", "lowest energy"), rows)
+
+
+def draw(curves: Curves) -> None:
+    """Energy over seconds."""
+    figure, axes = plt.subplots(figsize=(6, 4), layout="constrained")
+    for label, points in curves.items():
+        _, seconds, energies = zip(*points, strict=True)
+        axes.plot(seconds, energies, marker="o", label=label)
+    axes.set(xscale="log", xlabel="seconds per map, one thread", ylabel="lowest energy of a map")
+    axes.grid(alpha=0.3)
+    axes.legend()
+    figure.savefig(PICTURE, dpi=120)
+
+
+# -- stages ------------------------------------------------------------------------------------
+
+
+def stages_table(count: int) -> str:
+    """Seconds of each stage per grasp, one thread."""
+    before, rows = limit_threads(1), []
+    for hand in ("barrett", "shadowhand"):
+        words = (f"hand={hand}", "object=rubber_duck")
+        (config,) = compose(PairJob, get_registry(), DEFAULTS, (), words)
+        pair = Pair.load(config)
+        pair.plan(1, generator_for(1))
+        grasps = pair.simulate(pair.plan(count, generator_for(0)))
+        seconds = grasps.provenance["seconds"]
+        stages = ("generate", "fit", "close", "rank", "simulate")
+        rows.append((hand, *(f"{seconds[stage] / count:.2f}" for stage in stages)))
+    limit_threads(before)
+    return table(
+        ("hand", "generate s", "fit s (four maps)", "close s", "rank s", "simulate s (5 trials)"),
+        rows,
+    )
+
+
+def table(head: Sequence[object], rows: Sequence[Sequence[object]]) -> str:
+    """A Markdown table."""
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join("| " + " | ".join(map(str, line)) + " |" for line in lines)
+
+
+if __name__ == "__main__":
+    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+    main()
