@@ -12,6 +12,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from gdg.adam import Adam
 from gdg.contact_maps import values_on
 from gdg.data.contact_map import ContactMap
 from gdg.data.grasps import GraspSet
@@ -231,7 +232,7 @@ def _descended(energy: FitEnergy, particles: Particles, one: Round, steps: _Step
     parts = particles.split(_held_at_once(energy))
     moving = [part.q.clone().requires_grad_(True) for part in parts]
     index: list[Tensor | None] = [None] * len(parts)
-    optimiser = torch.optim.Adam(moving, lr=one.learning_rate)
+    optimiser = Adam(moving, one.learning_rate)
     for step in range(one.steps):
         optimiser.zero_grad()
         for number, (q, part) in enumerate(zip(moving, parts, strict=True)):
@@ -239,8 +240,6 @@ def _descended(energy: FitEnergy, particles: Particles, one: Round, steps: _Step
             terms = energy.terms(q, part.maps, None if searched else index[number])
             index[number] = terms.hand_index
             energy.total(terms, steps.fraction).sum().backward()
-            if q.grad is not None:  # a particle that diverged must not spoil the others
-                q.grad.nan_to_num_(nan=0.0, posinf=0.0, neginf=0.0)
         optimiser.step()
         steps.advance()
     return Particles(torch.cat([q.detach() for q in moving]), particles.maps)

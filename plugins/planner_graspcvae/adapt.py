@@ -9,6 +9,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from gdg.adam import Adam
 from gdg.contact_maps import values_on
 from gdg.data.contact_map import ContactMap
 from gdg.kinds.distance import Distance
@@ -126,7 +127,7 @@ class Agreement:
         """The grasps after ``adapt_steps`` Adam steps on all of q, joints within their limits."""
         o = self._options
         q = q.clone().requires_grad_(True)
-        optimiser = torch.optim.Adam([q], lr=o.learning_rate)
+        optimiser = Adam([q], o.learning_rate)
         targets, index = self.targets(q), None
         for step in range(o.adapt_steps):
             if step and step % o.retarget_every == 0:
@@ -135,8 +136,6 @@ class Agreement:
             terms = self.terms(q, targets, None if step % SEARCH_EVERY == 0 else index)
             index = terms.hand_index
             self.total(terms, step / max(1, o.adapt_steps - 1)).sum().backward()
-            if q.grad is not None:  # a grasp that diverged must not spoil the others
-                q.grad.nan_to_num_(nan=0.0, posinf=0.0, neginf=0.0)
             optimiser.step()
             report(step + 1)
         return self._hand.clamp(q.detach())

@@ -9,6 +9,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from gdg.adam import Adam
 from gdg.initial_poses import above_surface, random_joints
 from gdg.kinds.hand_model import HandModel
 from gdg.objects.model import ObjectModel
@@ -134,15 +135,12 @@ class Reach:
     ) -> Tensor:
         o = self._options
         q = q.clone().requires_grad_(True)
-        optimiser = torch.optim.Adam([q], lr=o.learning_rate)
+        optimiser = Adam([q], o.learning_rate)
         for step in range(o.steps):
             fraction = step / max(1, o.steps - 1)
-            for group in optimiser.param_groups:
-                group["lr"] = o.learning_rate * LAST_RATE**fraction
+            optimiser.lr = o.learning_rate * LAST_RATE**fraction
             optimiser.zero_grad()
             self.total(self.terms(q, index, solid), fraction).sum().backward()
-            if q.grad is not None:  # a pose that diverged must not spoil the others
-                q.grad.nan_to_num_(nan=0.0, posinf=0.0, neginf=0.0)
             optimiser.step()
             report(step + 1)
         return self._hand.clamp(q.detach())
