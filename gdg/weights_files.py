@@ -68,6 +68,8 @@ def find_weights(
         if not path.is_file():
             raise GdgError(f"{option}: there is no file '{given}'.")
         return path
+    if path.is_file():
+        raise GdgError(f"{option}: '{given}' is no {SUFFIX} file; it may be another component's.")
     known = {file.stem: file for file in bundled.glob(f"*{SUFFIX}")}
     if given in known:
         return known[given]

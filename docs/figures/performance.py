@@ -4,7 +4,7 @@
 
 Give it an otherwise idle machine. Every fit is measured in a process of its own, after one that
 compiles and warms up: wall seconds, the least of three, and how much the process's memory grew at
-its peak. Fits of one table go in turn, so that a slow moment of the machine hits all alike.
+its peak (Linux). Fits of one table go in turn, so that a slow moment of the machine hits all alike.
 ``--write`` puts the tables into docs/performance.md and draws docs/images/performance.png.
 """
 
@@ -13,7 +13,6 @@ from __future__ import annotations
 import argparse
 import math
 import os
-import resource
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -230,7 +229,11 @@ def in_turn(settings: Sequence[Setting], rounds: int) -> list[Measured]:
         ) as processes:
             results.append(list(processes.map(measure, settings)))
     return [
-        replace(of_one[0], seconds=min(one.seconds for one in of_one))
+        replace(
+            of_one[0],
+            seconds=min(one.seconds for one in of_one),
+            memory_mb=max(one.memory_mb for one in of_one),
+        )
         for of_one in zip(*results, strict=True)
     ]
 
@@ -249,18 +252,26 @@ def measure(setting: Setting) -> Measured:
     maps = generator.generate(pair.obj, setting.maps, generator_for(setting.seed))
     one = replace(maps, values=maps.values[:1])
     fitter.fit(pair.hand, pair.obj, one, generator_for(0))
-    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    Path("/proc/self/clear_refs").write_text("5")  # forgets the peak so far
+    before = memory_mb("VmRSS")
     started = time.perf_counter()
     fits = fitter.fit(pair.hand, pair.obj, maps, generator_for(setting.seed))
     seconds = time.perf_counter() - started
-    after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    growth = memory_mb("VmHWM") - before
     energies = fits.energies["total"].reshape(setting.maps, -1)
     return Measured(
         seconds / setting.maps,
-        (after - before) / 1000,
+        growth,
         float(energies.amin(1).mean()),
         len(pair.hand.joint_names),
     )
+
+
+def memory_mb(name: str) -> float:
+    """What Linux says of this process: ``VmRSS`` is what it holds, ``VmHWM`` the most it held."""
+    lines = Path("/proc/self/status").read_text(encoding="utf-8").splitlines()
+    (line,) = (line for line in lines if line.startswith(f"{name}:"))
+    return int(line.split()[1]) / 1024
 
 
 # -- quality -----------------------------------------------------------------------------------

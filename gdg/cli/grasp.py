@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 
 import click
@@ -33,7 +34,7 @@ def grasp(settings: tuple[str, ...], files: tuple[Path, ...]) -> None:
     console = Console()
     if len(run.grasps) == 0:
         told = run.grasps.provenance
-        reasons = {**told.get("rejected", {}), **told.get("yield", {}).get("failed", {})}
+        reasons = Counter(told.get("rejected", {})) + Counter(told.get("yield", {}).get("failed"))
         counted = ", ".join(f"{n} × {why}" for why, n in reasons.items() if n) or "no candidates"
         console.print(f"No grasp found ({counted}).", markup=False)
     else:

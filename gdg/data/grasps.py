@@ -99,6 +99,9 @@ class GraspSet:
             given = [value for value in values if value is not None]
             return torch.cat(given) if len(given) == len(parts) else None
 
+        def together(values: list[tuple[Any, ...]]) -> tuple[Any, ...]:
+            return tuple(one for of_part in values for one in of_part) if all(values) else ()
+
         def columns(tables: list[Mapping[str, Tensor]]) -> dict[str, Tensor]:
             shared = [name for name in tables[0] if all(name in table for table in tables)]
             return {name: torch.cat([table[name] for table in tables]) for name in shared}
@@ -112,9 +115,9 @@ class GraspSet:
             energies=columns([part.energies for part in parts]),
             metrics=columns([part.metrics for part in parts]),
             contacts=ContactSet.joined(contacts) if len(contacts) == len(parts) else None,
-            status=tuple(status for part in parts for status in part.status),
+            status=together([part.status for part in parts]),
             contact_values=stacked([part.contact_values for part in parts]),
-            verdicts=tuple(verdict for part in parts for verdict in part.verdicts),
+            verdicts=together([part.verdicts for part in parts]),
         )
 
     @property

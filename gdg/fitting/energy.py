@@ -21,10 +21,11 @@ from gdg.penetration import (
 
 #: The release's weight of its mean penetration, per metre.
 NEAREST_WEIGHT = 100.0
-#: What one evaluation with its gradient holds, bytes: measured on the CPU, where penetration is one
-#: compiled pass, and what tensor operations elsewhere add per hand point.
+#: What one evaluation with its gradient holds, bytes: measured on the CPU, where points are placed
+#: and penetration is found by compiled passes, and what tensor operations elsewhere add (per pair
+#: of inscribed spheres, too).
 BYTES_PER_OBJECT_POINT, BYTES_PER_HAND_POINT, BYTES_PER_LINK = 190, 12, 450
-EAGER_BYTES_PER_HAND_POINT = 100
+TENSORS_PER_OBJECT_POINT, TENSORS_PER_HAND_POINT, TENSORS_PER_SPHERE_PAIR = 200, 150, 16
 
 
 @dataclass(frozen=True)
@@ -93,12 +94,18 @@ class FitEnergy:
     @property
     def particle_bytes(self) -> int:
         """About what one particle takes while its energy and gradient are computed."""
-        whole_hand = len(self.hand.surface.points) if self.hand.device.type != "cpu" else 0
-        return (
+        compiled = (
             BYTES_PER_OBJECT_POINT * len(self.points)
             + BYTES_PER_HAND_POINT * len(self.surface.points)
-            + EAGER_BYTES_PER_HAND_POINT * whole_hand
             + BYTES_PER_LINK * len(self.hand.link_names)
+        )
+        if self.hand.device.type == "cpu":
+            return compiled
+        return (
+            compiled
+            + TENSORS_PER_OBJECT_POINT * len(self.points)
+            + TENSORS_PER_HAND_POINT * len(self.hand.surface.points)
+            + TENSORS_PER_SPHERE_PAIR * len(self.hand.spheres.radii) ** 2
         )
 
     def terms(

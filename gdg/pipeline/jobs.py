@@ -79,8 +79,8 @@ class GraspJob(PairJob):
         simulate: test the grasps in simulation.
         verified: go on proposing until n grasps pass the test, and give these alone.
         most_proposed: with verified=true: give up after so many proposals per grasp asked for.
-        workers: with verified=true: processes that plan and test, 0 for one per core; the grasps
-            don't depend on it.
+        workers: with verified=true: processes that plan and test, 0 for one per core and four
+            grasps asked for; the grasps don't depend on it.
         out: run folder; by default ``runs/grasp/HAND-OBJECT-seedN``.
         picture: write the contact sheet ``grasps.png``.
         report: write the interactive ``report.html``.
@@ -98,6 +98,10 @@ class GraspJob(PairJob):
     def _test_to_verify(self) -> GraspJob:
         if self.verified and not self.simulate:
             raise ValueError("verified=true: needs the simulation; leave simulate=false out")
+        fields = type(self).model_fields
+        for name in ("most_proposed", "workers"):
+            if not self.verified and getattr(self, name) != fields[name].default:
+                raise ValueError(f"{name}: does nothing without verified=true")
         return self
 
 

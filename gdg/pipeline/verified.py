@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 from gdg.cache import content_hash
 from gdg.config import RunConfig
@@ -44,11 +45,12 @@ def verified_grasps(
     found: Callable[[GraspSet], None] = lambda grasps: None,
     progress: Progress | None = None,
 ) -> GraspSet:
-    """``n`` grasps that pass the protocol; fewer after ``most_proposed`` proposals for each.
+    """``n`` grasps that pass the protocol, lowest energy first; fewer if too many fail.
 
     Batches of proposals are planned and tested in several processes, with one thread each, and
-    taken in order, so that the grasps don't depend on the number of workers. The provenance's
-    ``yield`` says how many were proposed, how many of them passed, and what the others failed by.
+    taken in order, so that the grasps don't depend on the number of workers. ``most_proposed`` for
+    each grasp asked for are tried at most. The provenance's ``yield`` says how many were proposed,
+    how many of them passed, and what the others failed by.
 
     Args:
         config: of a ``GraspJob``.
@@ -59,24 +61,34 @@ def verified_grasps(
     report = progress or (lambda done, total: None)
     most = max(1, -(-job.n * job.most_proposed // BATCH))
     waiting, done = iter(range(most)), _Found(job.n)
-    # more workers than batches that are surely needed would start for nothing
-    cores = 1 if job.device.startswith("cuda") else usable_cores()
-    workers = min(job.workers or cores, -(-job.n // BATCH))
+    engine = make_engine("local", min(job.workers or _usual_workers(job), most))
 
     def take(last: Batch | None) -> Batch | None:
-        number = None if done.enough else next(waiting, None)
+        number = None if done.surely_enough else next(waiting, None)
         return None if number is None else Batch(number, config)
 
     report(0, job.n)
-    with closing(make_engine("local", workers).run(tested_batch, take)) as outcomes:
-        for outcome in outcomes:
-            if outcome.error is not None:
-                raise outcome.error
-            assert outcome.result is not None
-            if done.add(outcome.task.number, outcome.result):
-                found(done.grasps())
-                report(len(done), job.n)
+    try:
+        with closing(engine.run(tested_batch, take)) as outcomes:
+            for outcome in outcomes:
+                if outcome.error is not None:
+                    raise outcome.error
+                assert outcome.result is not None
+                if done.add(outcome.task.number, outcome.result):
+                    found(done.grasps())
+                    report(len(done), job.n)
+                if len(done) == job.n:
+                    break  # batches that are still running are of no use
+    finally:
+        _loaded.clear()
     return done.grasps()
+
+
+def _usual_workers(job: GraspJob) -> int:
+    """A process per core, but none for which there may be nothing to do; one per GPU."""
+    if job.device.startswith("cuda"):
+        return 1
+    return min(usable_cores(), -(-job.n // BATCH))
 
 
 def tested_batch(batch: Batch) -> GraspSet:
@@ -98,8 +110,8 @@ class _Found:
         return min(self._wanted, sum(len(batch.passed) for batch in self._first()))
 
     @property
-    def enough(self) -> bool:
-        """Whether no further batch is needed once those before the last are all there."""
+    def surely_enough(self) -> bool:
+        """Whether no further batch is needed, once those between are there, too."""
         passed = sum(len(batch.passed) for batch in self._batches.values())
         return passed >= self._wanted
 
@@ -121,20 +133,23 @@ class _Found:
                 break
         joined = GraspSet.joined(used)
         kept = joined.select(joined.passed[: self._wanted])
-        return replace(kept, provenance={**kept.provenance, **_told(used)})
+        if "total" in kept.energies:
+            kept = kept.select(kept.energies["total"].argsort(stable=True).tolist())
+        return replace(kept, provenance={**kept.provenance, **_totals(used)})
 
     def _first(self) -> Iterator[GraspSet]:
         return (self._batches[number] for number in range(self._in_order))
 
 
-def _told(batches: list[GraspSet]) -> dict[str, object]:
+def _totals(batches: list[GraspSet]) -> dict[str, Any]:
     """What became of all proposals, and the seconds that went into them."""
     verdicts = [verdict for batch in batches for verdict in batch.verdicts]
-    seconds: Counter[str] = Counter()
+    sums: dict[str, Counter[str]] = {"seconds": Counter(), "rejected": Counter()}
     for batch in batches:
-        seconds.update(batch.provenance.get("seconds", {}))
+        for name, counter in sums.items():
+            counter.update(batch.provenance.get(name, {}))
     return {
-        "seconds": dict(seconds),
+        **{name: dict(counter) for name, counter in sums.items()},
         "yield": {
             "proposed": BATCH * len(batches),
             "tested": len(verdicts),
@@ -144,6 +159,7 @@ def _told(batches: list[GraspSet]) -> dict[str, object]:
     }
 
 
+#: The pair of the run that this process works for.
 _loaded: list[Pair] = []
 
 

@@ -11,6 +11,7 @@ from typing import Any
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
+from torch.autograd.function import once_differentiable
 
 from gdg.placement import eager
 
@@ -24,13 +25,28 @@ def place_points(
 ) -> Float[Tensor, "batch point 3"]:
     """Link-frame points in the world, differentiable in poses and points.
 
+    On the CPU once only; higher derivatives are those of ``eager.py``.
+
     Args:
         Ts_world_link: link poses; metres.
         points: in the frame of their link, metres; the same for all poses, or each pose's own.
         link_index: the link of each point, of the same shape.
+
+    Raises:
+        ValueError: shapes that don't belong together.
+        IndexError: a link that there is not.
     """
+    own = (len(Ts_world_link),) if points.ndim == 3 else ()
+    if link_index.shape != points.shape[:-1] or link_index.shape != (*own, points.shape[-2]):
+        raise ValueError(
+            f"points {tuple(points.shape)} and link_index {tuple(link_index.shape)} must be those "
+            f"of every pose or of {len(Ts_world_link)} poses."
+        )
     single = Ts_world_link.dtype == points.dtype == torch.float32
     if Ts_world_link.device.type == "cpu" and single:
+        links = Ts_world_link.shape[1]  # the compiled pass takes any index, and reads anything
+        if link_index.numel() and not 0 <= int(link_index.min()) <= int(link_index.max()) < links:
+            raise IndexError(f"link_index must lie in [0, {links}).")
         placed: Any = _Placed.apply(Ts_world_link, points, link_index)
         return placed
     if link_index.ndim == 1:
@@ -49,7 +65,10 @@ class _Placed(torch.autograd.Function):
         return torch.from_numpy(compiled.place(*_arrays(Ts, points, link_index)))
 
     @staticmethod
-    def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor, Tensor | None, None]:
+    @once_differentiable
+    def backward(  # pyright: ignore[reportIncompatibleMethodOverride]
+        ctx: Any, *grads: Tensor
+    ) -> tuple[Tensor, Tensor | None, None]:
         from gdg.placement import compiled
 
         Ts, points, link_index = ctx.saved_tensors

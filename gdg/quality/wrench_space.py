@@ -90,9 +90,9 @@ def force_closure_margin(
     """How far zero is inside the wrench space, or, negative, outside of it; NaN without contacts.
 
     Outside exact (−``WrenchSpace.residual``); inside an upper bound of ``WrenchSpace.epsilon``,
-    some 5 to 10 % above it, which takes a twentieth of the time and ranks grasps alike: ε is the
-    least extent of the space over all directions, and this the least that is found going downhill
-    from the best of many directions.
+    mostly a few per cent above it (tiny ones up to three times), which takes a twentieth of the
+    time and ranks grasps alike: ε is the least extent of the space over all directions, and this
+    the least that is found going downhill from the best of many directions.
 
     Args:
         points: as of ``wrench_space``, like all others.
