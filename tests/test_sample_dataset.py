@@ -111,10 +111,15 @@ def test_the_tables_count_what_the_sample_holds(script: ModuleType):
     assert "| nan" not in text
 
 
-def test_tables_replace_what_stands_between_the_marks_and_nothing_else(script: ModuleType):
-    page = f"before\n{script.BEGIN}\n\nold\n\n{script.END}\nafter\n"
-    written = script.with_tables(page, "new")
-    assert written == page.replace("old", "new")
-    assert script.with_tables(written, "new") == written
-    with pytest.raises(SystemExit):
-        script.with_tables("no marks", "new")
+def test_tables_replace_what_stands_between_the_marks_and_nothing_else(
+    script: ModuleType, tmp_path: Path
+):
+    page = tmp_path / "page.md"
+    before = "before\n<!-- tables: begin (how) -->\n\nold\n\n<!-- tables: end -->\nafter\n"
+    page.write_text(before)
+    for _ in range(2):
+        script.write_tables(page, "new")
+        assert page.read_text() == before.replace("old", "new")
+    page.write_text("no marks")
+    with pytest.raises(SystemExit, match="lacks a line"):
+        script.write_tables(page, "new")

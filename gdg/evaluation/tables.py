@@ -83,7 +83,12 @@ def counted(counts: dict[str, int]) -> str:
 
 def cells(row: Row, columns: Columns) -> list[str]:
     """The settings and the columns of a row as text."""
-    return [*row.settings.values(), *(text(row) for text in columns.values())]
+    return [*_settings(row, columns).values(), *(text(row) for text in columns.values())]
+
+
+def _settings(row: Row, columns: Columns) -> dict[str, str]:
+    """The settings in which rows differ, without those that have a column of their own."""
+    return {name: value for name, value in row.settings.items() if name not in columns}
 
 
 def markdown_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -97,7 +102,8 @@ def markdown(rows: Sequence[Row]) -> str:
     """The summary: success, the passing grasps, time and failures, what it was measured on."""
     parts = []
     for title, columns in (("Success", SUCCESS), ("Grasps", GRASPS), ("Time", TIME)):
-        table = markdown_table([*rows[0].settings, *columns], [cells(row, columns) for row in rows])
+        header = [*_settings(rows[0], columns), *columns]
+        table = markdown_table(header, [cells(row, columns) for row in rows])
         parts.append(f"## {title}\n\n{table}")
     return "\n".join([*parts, *measured_on(rows)]) + "\n"
 

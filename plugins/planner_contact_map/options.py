@@ -19,6 +19,9 @@ class ContactMapOptions(Options):
         rank: the energy by which one of the fits to each map is kept and grasps are sorted.
             ``energy``: the fit's (paper); only what is kept is closed then; ``stability``: the
             margin of force closure and the overlap by exact shapes, after closing.
+        spread: when ranking by ``stability``: how much margin a grasp may lack per radian (root
+            mean square over the joints) by which it differs from those chosen before; 0 keeps the
+            best fit of each of the best maps.
         max_overlap_mm: overlap of hand and object, of the hand's links or of hand and table that
             costs nothing when ranking by ``stability``.
     """
@@ -26,4 +29,5 @@ class ContactMapOptions(Options):
     maps: Annotated[float, Field(ge=1, le=100)] = 4.0
     close: bool = True
     rank: Literal["energy", "stability"] = "stability"
+    spread: Annotated[float, Field(ge=0, le=100)] = 0.5
     max_overlap_mm: Annotated[float, Field(ge=0)] = 1.5

@@ -62,7 +62,10 @@ class ContactMapPlanner(Planner):
                 if stable:
                     most = self.options.max_overlap_mm
                     grasps = judged_by_stability(hand, obj, grasps, most)
-                grasps = _best_of_each_map(grasps, count)
+                if stable and self.options.spread:
+                    grasps = _spread_out(grasps, count, self.options.spread)
+                else:
+                    grasps = _best_of_each_map(grasps, count)
         return replace(grasps, provenance={**grasps.provenance, "seconds": watch.seconds})
 
 
@@ -80,11 +83,34 @@ def _sound(fits: GraspSet, maps: int) -> GraspSet:
 
 def _best_of_each_map(grasps: GraspSet, count: int) -> GraspSet:
     """The grasps of lowest energy, at most one of each map and ``count`` in all; no ``MAP``."""
-    metrics, best = dict(grasps.metrics), dict[float, int]()
-    map_of = metrics.pop(MAP).tolist()
+    best, map_of = dict[float, int](), grasps.metrics[MAP].tolist()
     for index in grasps.energies["total"].argsort(stable=True).tolist():
         best.setdefault(map_of[index], index)
-    return replace(grasps, metrics=metrics).select(list(best.values())[:count])
+    return _without_map(grasps).select(list(best.values())[:count])
+
+
+def _spread_out(grasps: GraspSet, count: int, weight: float) -> GraspSet:
+    """At most ``count`` grasps that hold and differ, lowest energy first; no ``MAP``.
+
+    They are chosen one by one: of those of negative energy, which promise to hold, the one of least
+    energy minus ``weight`` times the distance from the nearest one chosen before; of the others, if
+    those are too few, likewise. The distance is the root mean square difference of the joints.
+    """
+    energies = grasps.energies["total"]
+    left, chosen = list(range(len(grasps))), list[int]()
+    nearest = torch.zeros_like(energies)
+    while left and len(chosen) < count:
+        holding = [row for row in left if energies[row] < 0] or left
+        one = min(holding, key=lambda row: float(energies[row] - weight * nearest[row]))
+        away = (grasps.joints - grasps.joints[one]).square().mean(-1).sqrt()
+        nearest = torch.minimum(nearest, away) if chosen else away
+        left.remove(one)
+        chosen.append(one)
+    return _without_map(grasps).select(sorted(chosen, key=lambda row: float(energies[row])))
+
+
+def _without_map(grasps: GraspSet) -> GraspSet:
+    return replace(grasps, metrics={k: v for k, v in grasps.metrics.items() if k != MAP})
 
 
 def _closed(hand: HandModel, obj: ObjectModel, grasps: GraspSet) -> GraspSet:

@@ -23,7 +23,9 @@ from gdg.testing.fixtures import HALF_CUBE_M, StandInGenerator, jaw_grasps
 from gdg.testing.gripper import OPEN_M
 
 #: What is chosen where nothing is said.
-DEFAULTS = {"maps": 4.0, "close": True, "rank": "stability", "max_overlap_mm": 1.5}
+DEFAULTS = {
+    "maps": 4.0, "close": True, "rank": "stability", "spread": 0.5, "max_overlap_mm": 1.5,
+}  # fmt: skip
 #: How far the stand-in's fits leave the jaws open, worst fit first; metres per grasp.
 LEFT_OPEN_M = (0.02, 0.0, 0.01)
 
@@ -103,7 +105,7 @@ def test_one_fit_of_each_map_is_kept(
 ):
     distance = EuclideanDistance(NoOptions())
     planner = ContactMapPlanner(
-        ContactMapOptions(close=False, rank=rank),
+        ContactMapOptions(close=False, rank=rank, spread=0),
         generator=StandInGenerator(distance),
         fitter=SeveralFits(NoOptions(), distance=distance),
     )
@@ -112,6 +114,22 @@ def test_one_fit_of_each_map_is_kept(
     torch.testing.assert_close(
         grasps.joints, torch.full((2, 1), held + squeezed), rtol=0, atol=1e-6
     )
+
+
+def test_grasps_that_hold_and_differ_go_before_those_that_are_alike_or_fail():
+    grasps = replace(
+        jaw_grasps((0.0,) * 5, squeeze=None),
+        joints=torch.tensor([[0.0], [0.01], [0.5], [1.0], [0.9]]),
+        energies={"total": torch.tensor([-0.3, -0.29, -0.1, 0.2, -0.05])},
+        metrics={planner_module.MAP: torch.arange(5.0)},
+    )
+    alike, spread, all_five = (
+        planner_module._spread_out(grasps, count, weight).joints[:, 0].tolist()
+        for count, weight in ((3, 0.0), (3, 1.0), (9, 1.0))
+    )
+    assert alike == pytest.approx([0.0, 0.01, 0.5])
+    assert spread == pytest.approx([0.0, 0.5, 0.9])
+    assert all_five == pytest.approx([0.0, 0.01, 0.5, 0.9, 1.0])
 
 
 @pytest.mark.parametrize(("rank", "closed"), [("energy", 2), ("stability", 6)])
