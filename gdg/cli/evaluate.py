@@ -24,12 +24,11 @@ def evaluate(settings: tuple[str, ...], files: tuple[Path, ...]) -> None:
     from gdg.cli.evaluated import cell_bar, print_table
     from gdg.evaluation.agreement import agreement_lines
     from gdg.evaluation.run import run_eval
-    from gdg.evaluation.tables import BRIEF, cells, measured_on
+    from gdg.evaluation.tables import BRIEF, cells, header, measured_on
 
     with cell_bar() as report:
         done = run_eval(configs, report)
-    header = [*done.rows[0].settings, *BRIEF]
-    print_table(header, [cells(row, BRIEF) for row in done.rows])
+    print_table(header(done.rows, BRIEF), [cells(row, BRIEF) for row in done.rows])
     for sentence in measured_on(done.rows):
         click.echo(sentence)
     for agreement in done.agreements:

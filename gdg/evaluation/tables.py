@@ -81,6 +81,11 @@ def counted(counts: dict[str, int]) -> str:
     return ", ".join(f"{count} {reason}" for reason, count in counts.items()) or "none"
 
 
+def header(rows: Sequence[Row], columns: Columns) -> list[str]:
+    """The titles of the settings and the columns, in the order of ``cells``."""
+    return [*_settings(rows[0], columns), *columns]
+
+
 def cells(row: Row, columns: Columns) -> list[str]:
     """The settings and the columns of a row as text."""
     return [*_settings(row, columns).values(), *(text(row) for text in columns.values())]
@@ -91,9 +96,9 @@ def _settings(row: Row, columns: Columns) -> dict[str, str]:
     return {name: value for name, value in row.settings.items() if name not in columns}
 
 
-def markdown_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+def markdown_table(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """A Markdown table."""
-    lines = ["| " + " | ".join(header) + " |", "|" + " --- |" * len(header)]
+    lines = ["| " + " | ".join(titles) + " |", "|" + " --- |" * len(titles)]
     lines += ["| " + " | ".join(text.replace("|", "\\|") for text in row) + " |" for row in rows]
     return "\n".join(lines) + "\n"
 
@@ -102,8 +107,7 @@ def markdown(rows: Sequence[Row]) -> str:
     """The summary: success, the passing grasps, time and failures, what it was measured on."""
     parts = []
     for title, columns in (("Success", SUCCESS), ("Grasps", GRASPS), ("Time", TIME)):
-        header = [*_settings(rows[0], columns), *columns]
-        table = markdown_table(header, [cells(row, columns) for row in rows])
+        table = markdown_table(header(rows, columns), [cells(row, columns) for row in rows])
         parts.append(f"## {title}\n\n{table}")
     return "\n".join([*parts, *measured_on(rows)]) + "\n"
 

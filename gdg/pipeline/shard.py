@@ -146,9 +146,7 @@ def _finished(task: ShardTask, pair: Pair, seed: int, planned: GraspSet) -> Made
     with watch.stage("simulate"):
         tested = pair.simulate(grasps) if len(grasps) else grasps
     with watch.stage("measure"):
-        kept = tested if job.keep_failed else tested.select(tested.passed)
-        if len(kept):
-            kept = pair.measured(kept)
+        kept = pair.measured(tested if job.keep_failed else tested.select(tested.passed))
     told = planned.provenance
     counts = ShardCounts(
         candidates=told.get("candidates", len(planned)),

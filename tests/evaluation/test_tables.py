@@ -12,7 +12,7 @@ from PIL import Image
 
 from gdg.evaluation.figure import Bar, draw_bars
 from gdg.evaluation.run import run_eval
-from gdg.evaluation.tables import BRIEF, UNKNOWN, cells, csv_text, markdown, number, span
+from gdg.evaluation.tables import BRIEF, UNKNOWN, cells, csv_text, header, markdown, number, span
 
 
 def test_numbers_that_are_not_known_are_dashes():
@@ -30,6 +30,17 @@ def test_markdown_has_one_width_per_table_and_a_line_per_row(configs, tmp_path: 
         assert len(lines) == 4
         assert len({line.count("|") for line in lines}) == 1
     assert len(cells(done.rows[0], BRIEF)) == len(done.rows[0].settings) + len(BRIEF)
+
+
+def test_a_setting_that_is_a_column_stands_once_and_titles_fit_the_cells(configs, tmp_path: Path):
+    done = run_eval(configs("object=cube_small", "n=1", "protocol=dro-2024,gendexgrasp-2022"))
+    titles = header(done.rows, BRIEF)
+    assert "protocol" in done.rows[0].settings
+    assert titles.count("protocol") == 1
+    for row, named in zip(done.rows, ("dro-2024-v1", "gendexgrasp-2022-v1"), strict=True):
+        text = cells(row, BRIEF)
+        assert len(text) == len(titles)
+        assert text[titles.index("protocol")] == named
 
 
 def test_what_a_simulator_leaves_out_is_said_once(configs, tmp_path: Path):
