@@ -238,6 +238,12 @@ def test_the_version_is_told(run):
     assert gdg.__version__ in run("--version").out
 
 
+def test_python_runs_it_as_a_module():
+    command = [sys.executable, "-m", "gdg", "--version"]
+    told = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    assert told == f"gdg, version {gdg.__version__}\n"
+
+
 def test_components_are_listed_with_their_options(run):
     out = run("plugins").out
     for name in (
