@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -14,7 +15,7 @@ from jaxtyping import Float
 from scipy.ndimage import distance_transform_edt, label
 from torch import Tensor
 
-from gdg.geometry.mesh import close_gaps, sample_surface
+from gdg.geometry.mesh import close_gaps
 
 #: Cells along the longest side of the grid: 1 mm for an object of 12 cm.
 RESOLUTION = 128
@@ -22,6 +23,11 @@ RESOLUTION = 128
 MARGIN_M = 0.012
 #: Exact distances are computed within this many cells of the surface.
 BAND_CELLS = 2.0
+#: Nodes further from the surface than this are on the same side of it as their neighbours that are,
+#: too: above a half, so that no path leads through a gap of less than a cell.
+APART_CELLS = 0.75
+#: Nodes along a side of the blocks that the search for that band begins with; a power of two.
+LARGEST_BLOCK = 8
 
 
 @dataclass(frozen=True)
@@ -127,16 +133,18 @@ def signed_distance_arrays(mesh: trimesh.Trimesh) -> dict[str, np.ndarray]:
     low, high = mesh.bounds[0] - MARGIN_M, mesh.bounds[1] + MARGIN_M
     spacing = float((high - low).max()) / (RESOLUTION - 1)
     shape = np.ceil((high - low) / spacing).astype(int) + 1
-    axes = [low[k] + spacing * np.arange(shape[k]) for k in range(3)]
-    nodes = np.stack(np.meshgrid(*axes, indexing="ij"), -1)
-    band = _near_surface(mesh, nodes, spacing)
-    distance, closest = _exact(mesh, nodes, band)
-    sign = _signs(mesh, nodes, band)
-    nearest: Any = distance_transform_edt(~band, return_distances=False, return_indices=True)
-    far = np.linalg.norm(nodes - closest[tuple(nearest)], axis=-1)
-    values = sign * np.where(band, distance, far)
+    band, near, closest = _near_surface(mesh, low, spacing, shape)
+    distance = np.full(shape, np.inf, np.float32)
+    distance[band] = near
+    feet = np.zeros((*shape, 3), np.float32)
+    feet[band] = closest - low
+    nearest: Any = distance_transform_edt(
+        np.isinf(distance), return_distances=False, return_indices=True
+    )
+    nodes = spacing * np.moveaxis(np.indices(shape, np.float32), 0, -1)
+    values = np.linalg.norm(nodes - feet[tuple(nearest)], axis=-1)
     return {
-        "values": values.astype(np.float32),
+        "values": _signs(mesh, low, spacing, distance) * values,
         "origin": low.astype(np.float32),
         "spacing": np.array(spacing),
     }
@@ -149,39 +157,52 @@ def closed_surface(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     return SignedDistanceGrid(values, origin, float(arrays["spacing"])).zero_surface()
 
 
-def _near_surface(mesh: trimesh.Trimesh, nodes: np.ndarray, spacing: float) -> np.ndarray:
-    """Which nodes lie within about ``BAND_CELLS`` cells of the surface."""
-    # 40 samples per cell face leave no surface cell empty
-    count = int(np.clip(40 * mesh.area / spacing**2, 20_000, 1_500_000))
-    cloud = sample_surface(mesh, count, seed=0)[0]
-    near = np.zeros(nodes.shape[:3], bool)
-    index = np.round((cloud - nodes[0, 0, 0]) / spacing).astype(int)
-    near[tuple(np.clip(index, 0, np.array(near.shape) - 1).T)] = True
-    return np.asarray(distance_transform_edt(~near)) <= BAND_CELLS
+def _near_surface(
+    mesh: trimesh.Trimesh, low: np.ndarray, spacing: float, shape: np.ndarray
+) -> tuple[tuple[np.ndarray, ...], np.ndarray, np.ndarray]:
+    """The nodes within ``BAND_CELLS`` of the surface, found coarse to fine.
 
+    A block of nodes is looked into only if its centre is so near that one of them may be.
 
-def _exact(
-    mesh: trimesh.Trimesh, nodes: np.ndarray, band: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Unsigned distance and closest surface point of the nodes in the band (zero elsewhere)."""
+    Returns:
+        indices of the nodes per axis, distances (node,) and closest surface points (node, 3).
+    """
     vertices, faces = _arrays(mesh)
-    squared, _, points = igl.point_mesh_squared_distance(nodes[band], vertices, faces)
-    distance, closest = np.zeros(band.shape), np.zeros((*band.shape, 3))
-    distance[band], closest[band] = np.sqrt(squared), points
-    return distance, closest
+    size = LARGEST_BLOCK
+    blocks = np.indices(tuple(-(-shape // size))).reshape(3, -1).T * size
+    while True:
+        centers = low + spacing * (blocks + (size - 1) / 2)
+        found: Any = igl.point_mesh_squared_distance(centers, vertices, faces)
+        squared, points = found[0], found[2]
+        reach = spacing * (BAND_CELLS + math.sqrt(3) * (size - 1) / 2)
+        near = squared <= reach**2
+        if size == 1:
+            return tuple(blocks[near].T), np.sqrt(squared[near]), points[near]
+        size //= 2
+        octants = size * np.indices((2, 2, 2)).reshape(3, -1).T
+        blocks = (blocks[near, None] + octants).reshape(-1, 3)
+        blocks = blocks[(blocks < shape).all(1)]
 
 
-def _signs(mesh: trimesh.Trimesh, nodes: np.ndarray, band: np.ndarray) -> np.ndarray:
-    """-1 inside, +1 outside: per node in the band, per connected region elsewhere."""
-    sign = np.ones(band.shape)
-    sign[band] = np.where(winding_numbers(mesh, nodes[band]) > 0.5, -1.0, 1.0)
-    labelled: Any = label(~band)
+def _signs(
+    mesh: trimesh.Trimesh, low: np.ndarray, spacing: float, distance: np.ndarray
+) -> np.ndarray:
+    """-1 inside, +1 outside, from the winding numbers of few nodes.
+
+    The surface passes between neighbours only where one of them is near it; what is connected
+    away from the surface has the sign of any of its nodes.
+    """
+    labelled: Any = label(distance > APART_CELLS * spacing)
     regions, count = labelled
-    names, first = np.unique(regions, return_index=True)
-    representatives = nodes.reshape(-1, 3)[first]
-    region_sign = np.ones(count + 1)
-    region_sign[names] = np.where(winding_numbers(mesh, representatives) > 0.5, -1.0, 1.0)
-    return np.where(band, sign, region_sign[regions])
+    of_region = np.zeros(count + 1, np.int64)
+    of_region[regions.ravel()] = np.arange(regions.size)
+    at_surface = np.flatnonzero(regions == 0)
+    asked = np.concatenate((of_region, at_surface))
+    nodes = low + spacing * np.column_stack(np.unravel_index(asked, regions.shape))
+    sign = np.where(winding_numbers(mesh, nodes) > 0.5, -1.0, 1.0).astype(np.float32)
+    signs = sign[regions]
+    signs.flat[at_surface] = sign[count + 1 :]
+    return signs
 
 
 def winding_numbers(mesh: trimesh.Trimesh, points: np.ndarray) -> np.ndarray:

@@ -133,7 +133,8 @@ def load_object(path: Path, name: str, scale: float = 1.0, split: str = "") -> O
         GdgError: unreadable, empty, too many faces, of implausible size, or not closed.
     """
     mesh, notes, key = checked_mesh(path, scale)
-    arrays = cached_arrays("object", key, lambda: _compute(path, mesh))
+    computed = content_hash("object-arrays-1", key)
+    arrays = cached_arrays("object", computed, lambda: _compute(path, mesh))
     tensors = {k: torch.from_numpy(np.asarray(v, np.float32)) for k, v in arrays.items()}
     return ObjectModel(
         name=name,
@@ -185,44 +186,64 @@ def _check_size(path: Path, mesh: trimesh.Trimesh) -> None:
         )
 
 
+@dataclass(frozen=True)
+class _Closed:
+    """A mesh whose gaps were closed by flat caps.
+
+    Attributes:
+        mesh: with the caps.
+        gap_share: of the caps in its surface.
+        open_share: of its surface that has no inside behind it.
+    """
+
+    mesh: trimesh.Trimesh
+    gap_share: float
+    open_share: float
+
+    @classmethod
+    def of(cls, mesh: trimesh.Trimesh) -> _Closed:
+        closed, gap_area = close_gaps(mesh)
+        points, normals = sample_surface(closed, 4000, seed=0)
+        behind = winding_numbers(closed, points - PROBE_M * normals)
+        return cls(closed, gap_area / closed.area, float((behind < 0.5).mean()))
+
+    @property
+    def encloses(self) -> bool:
+        """Whether it has an inside nearly everywhere."""
+        return self.open_share <= MAX_OPEN_SHARE
+
+
 def _repair(path: Path, mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, tuple[str, ...]]:
     """Turns inward faces around and closes small gaps; refuses what encloses nothing."""
-    mesh, notes = _turned_outward(mesh)
-    closed, gap_area = close_gaps(mesh)
-    gaps, open_share = gap_area / closed.area, _open_share(closed)
-    if gaps > MAX_GAP_SHARE or open_share > MAX_OPEN_SHARE:
-        missing = max(gaps, open_share)
+    closed, notes = _turned_outward(mesh)
+    if closed.gap_share > MAX_GAP_SHARE or not closed.encloses:
+        missing = max(closed.gap_share, closed.open_share)
         raise GdgError(
             f"{path}: the mesh is not watertight: {missing:.0%} of its surface is missing or "
             f"encloses nothing, so inside and outside can't be told. Close it first (in Blender: "
             f"3D-Print toolbox, Make Manifold)."
         )
-    if gap_area > 0:
-        notes += (f"its gaps, {gaps:.1%} of its surface, were closed by flat caps",)
-    elif not closed.is_watertight:
+    if closed.gap_share > 0:
+        notes += (f"its gaps, {closed.gap_share:.1%} of its surface, were closed by flat caps",)
+    elif not closed.mesh.is_watertight:
         notes += ("some of its edges join more than two faces",)
-    return closed, notes
+    return closed.mesh, notes
 
 
-def _turned_outward(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, tuple[str, ...]]:
+def _turned_outward(mesh: trimesh.Trimesh) -> tuple[_Closed, tuple[str, ...]]:
     """The mesh with its faces' front sides outward, if turning them makes it enclose something."""
-    if _open_share(close_gaps(mesh)[0]) <= MAX_OPEN_SHARE:
-        return mesh, ()
+    given = _Closed.of(mesh)
+    if given.encloses:
+        return given, ()
     turned = mesh.copy()
     turned.invert()
-    if _open_share(close_gaps(turned)[0]) <= MAX_OPEN_SHARE:
-        return turned, ("its faces pointed inward and were turned around",)
+    if (closed := _Closed.of(turned)).encloses:
+        return closed, ("its faces pointed inward and were turned around",)
     mended = mesh.copy()
     trimesh.repair.fix_normals(mended, multibody=True)
-    if _open_share(close_gaps(mended)[0]) <= MAX_OPEN_SHARE:
-        return mended, ("some of its faces pointed inward and were turned around",)
-    return mesh, ()
-
-
-def _open_share(mesh: trimesh.Trimesh) -> float:
-    """Share of the surface that has no inside behind it."""
-    points, normals = sample_surface(mesh, 4000, seed=0)
-    return float((winding_numbers(mesh, points - PROBE_M * normals) < 0.5).mean())
+    if (closed := _Closed.of(mended)).encloses:
+        return closed, ("some of its faces pointed inward and were turned around",)
+    return given, ()
 
 
 def _compute(path: Path, mesh: trimesh.Trimesh) -> dict[str, np.ndarray]:
