@@ -1,8 +1,9 @@
 """The hand point that minimises the aligned distance, per object point.
 
-On the CPU a search compiled by numba; on other devices a blocked one in torch. Both score all
-pairs, and neither holds object × hand for a whole batch, let alone × 3. The winning pair's distance
-is then computed by the caller, exactly and differentiably.
+On the CPU a search compiled by numba; on a GPU one kernel that torch's compiler generates; where
+that has no Triton a blocked search in plain tensor operations. All score every pair, and none holds
+object × hand for a whole batch, let alone × 3. The winning pair's distance is then computed by the
+caller, exactly and differentiably.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from gdg.nearest.eager import nearest_exhaustive
+from gdg.nearest.fused import can_fuse, nearest_fused
 
 #: The release divides by d + ε, metres, so that a coinciding point has no direction.
 EPSILON_M = 1e-5
@@ -45,7 +47,8 @@ def nearest_hand_points(
             EPSILON_M,
         )
         return torch.from_numpy(index)
-    return nearest_exhaustive(object_points, object_normals, hand_points, gamma, EPSILON_M)
+    search = nearest_fused if can_fuse() else nearest_exhaustive
+    return search(object_points, object_normals, hand_points, gamma, EPSILON_M)
 
 
 def gather_points(

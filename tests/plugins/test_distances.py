@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import shutil
 import subprocess
 import sys
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
@@ -21,6 +23,7 @@ from gdg.components import NoOptions
 from gdg.kinds.distance import Distance
 from gdg.nearest import EPSILON_M, nearest_hand_points
 from gdg.nearest.eager import nearest_exhaustive
+from gdg.nearest.fused import nearest_fused
 from gdg.rotations import random_rotations
 
 ORIGIN = torch.zeros(1, 3)
@@ -285,12 +288,27 @@ def chosen_value(points: Tensor, normals: Tensor, hand: Tensor, index: Tensor, g
     return 2 * torch.sigmoid(-10 * (d * torch.exp(2 * gamma * (1 - a))).sqrt())
 
 
-def assert_exact(points: Tensor, normals: Tensor, hand: Tensor, gamma: float) -> None:
+Search = Callable[[Tensor, Tensor, Tensor, float], Tensor]
+
+
+def eager(points: Tensor, normals: Tensor, hand: Tensor, gamma: float) -> Tensor:
+    return nearest_exhaustive(points, normals, hand, gamma, EPSILON_M)
+
+
+def fused(points: Tensor, normals: Tensor, hand: Tensor, gamma: float) -> Tensor:
+    return nearest_fused(points, normals, hand, gamma, EPSILON_M)
+
+
+def assert_exact(
+    points: Tensor,
+    normals: Tensor,
+    hand: Tensor,
+    gamma: float,
+    searches: Sequence[Search] = (nearest_hand_points, eager),
+) -> None:
     expected = 2 * torch.sigmoid(-10 * reference(points, normals, hand, gamma))
-    for index in (
-        nearest_hand_points(points, normals, hand, gamma),
-        nearest_exhaustive(points, normals, hand, gamma, EPSILON_M),
-    ):
+    for search in searches:
+        index = search(points, normals, hand, gamma)
         assert index.min() >= 0
         assert index.max() < hand.shape[1]
         value = chosen_value(points, normals, hand, index, gamma)
@@ -335,6 +353,13 @@ def test_a_block_of_one_point_just_behind_the_surface_is_not_missed():
     behind = torch.tensor([[0.0, 0.0, -1e-4]])
     hand = torch.cat((beside, behind))[None]
     assert nearest_hand_points(ORIGIN, UP, hand, 1.0).item() == 32
+
+
+@pytest.mark.skipif(shutil.which("g++") is None, reason="on a CPU torch's compiler needs g++")
+def test_the_search_for_gpus_finds_what_the_literal_formula_finds():
+    for seed, hands, objects in ((0, 200, 300), (1, 33, 50)):
+        points, normals, hand = cloud(seed, 2, hands, objects)
+        assert_exact(points, normals, hand, 1.0, (fused,))
 
 
 def test_the_search_survives_points_that_are_not_finite():
