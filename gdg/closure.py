@@ -41,23 +41,27 @@ def close_until_touch(
     moves up instead, so that fingertips sweep along the table, as long as that presses no link
     into the object.
     """
-    goal = hand.closed_posture.expand(len(q), -1)
-    step = (hand.closed_posture - hand.open_posture) / STEPS
+    closed, q = hand.closed_posture, q.clone()
+    step = (closed - hand.open_posture) / STEPS
     moves = moved_links(hand)
     first, second = link_pairs(hand).unbind(-1)
     parts = moves[:, first] ^ moves[:, second]
+    closing = torch.arange(len(q), device=q.device)
     for _ in range(STEPS):
-        ahead = (goal - q[:, ROOT_DIM:]) * step.sign() > step.abs() / 2
-        free = ahead & ~_held(hand, obj, q, moves, parts, margin_m)
+        now = q[closing]
+        ahead = (closed - now[:, ROOT_DIM:]) * step.sign() > step.abs() / 2
+        free = ahead & ~_held(hand, obj, now, moves, parts, margin_m)
         # a joint that would press a link into the object keeps its value; twice, since joints
         # that stop change where those that go on take their links
         for _ in range(2):
-            trial = _moved(hand, obj, q, torch.where(free, step, 0.0), margin_m, rise)
+            trial = _moved(hand, obj, now, torch.where(free, step, 0.0), margin_m, rise)
             free &= ~_held(hand, obj, trial, moves, parts, margin_m)
-            free &= ~_lowered(hand, obj, q, trial, moves, margin_m)
-        if not free.any():
+            free &= ~_lowered(hand, obj, now, trial, moves, margin_m)
+        going = free.any(-1)
+        closing, now, free = closing[going], now[going], free[going]
+        if not len(closing):
             break
-        q = _moved(hand, obj, q, torch.where(free, step, 0.0), margin_m, rise)
+        q[closing] = _moved(hand, obj, now, torch.where(free, step, 0.0), margin_m, rise)
     return q
 
 
