@@ -75,6 +75,14 @@ class RunConfig(BaseModel):
         groups = {key: choice.as_tree() for key, choice in self.components.items()}
         return {**self.job.model_dump(mode="json"), **groups}
 
+    def with_options(self, key: str, **values: Any) -> RunConfig:
+        """The same config with some options of a component set."""
+        choice = self.components[key]
+        given = choice.options.model_dump(exclude_unset=True)
+        options = choice.record.options(**{**given, **values})
+        changed = choice.model_copy(update={"options": options})
+        return self.model_copy(update={"components": {**self.components, key: changed}})
+
 
 def compose(
     job_model: type[JobConfig],

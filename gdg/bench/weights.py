@@ -107,6 +107,4 @@ def _with_option(config: RunConfig, key: str, weights: str) -> RunConfig:
         raise GdgError(
             f"{key}={choice.record.name}: has no option 'weights', which the table sets."
         )
-    options = choice.record.options(**{**choice.options.model_dump(), "weights": weights})
-    changed = choice.model_copy(update={"options": options})
-    return config.model_copy(update={"components": {**config.components, key: changed}})
+    return config.with_options(key, weights=weights)

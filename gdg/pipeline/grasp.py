@@ -11,7 +11,7 @@ from gdg.data.grasps import GraspSet
 from gdg.kinds.fitter import Progress
 from gdg.pipeline.jobs import GraspJob
 from gdg.pipeline.pair import Pair, generator_for
-from gdg.pipeline.verified import verified_grasps
+from gdg.pipeline.verified import for_verdicts, verified_grasps
 from gdg.yaml_files import dump_yaml
 
 PICTURES = ("grasps.png", "report.html")
@@ -51,6 +51,8 @@ def run_grasp(config: RunConfig, stages: Stages | None = None) -> GraspRun:
     """
     stages = stages or Stages()
     job: GraspJob = config.job
+    if job.verified:
+        config = for_verdicts(config)
     pair = Pair.load(config)
     folder = Path(job.out or f"runs/grasp/{pair.hand.hand.name}-{pair.obj.name}-seed{job.seed}")
     folder.mkdir(parents=True, exist_ok=True)

@@ -40,6 +40,15 @@ class Batch:
         return int(content_hash(seed, self.number)[:8], 16) if self.number else seed
 
 
+def for_verdicts(config: RunConfig) -> RunConfig:
+    """The config with no more of the test's trials than decide it, unless it says how many."""
+    simulator = config.components["simulator"]
+    options = type(simulator.options)
+    if "trials" not in options.model_fields or "trials" in simulator.options.model_fields_set:
+        return config
+    return config.with_options("simulator", trials="decisive")
+
+
 def verified_grasps(
     config: RunConfig,
     found: Callable[[GraspSet], None] = lambda grasps: None,

@@ -13,7 +13,7 @@ from gdg.data.grasps import GraspSet, load_grasps
 from gdg.errors import GdgError
 from gdg.pipeline.grasp import run_grasp
 from gdg.pipeline.jobs import GraspJob
-from gdg.pipeline.verified import BATCH, Batch, verified_grasps
+from gdg.pipeline.verified import BATCH, Batch, for_verdicts, verified_grasps
 from gdg.report.table import summary_line
 
 PLAIN = ("object=cube_small", "picture=false", "report=false", "verified=true")
@@ -54,6 +54,12 @@ def test_it_gives_up_and_says_what_the_proposals_failed_by(config):
     assert told["proposed"] == BATCH
     assert told["passed"] == len(run.grasps) < 3
     assert sum(told["failed"].values()) == told["tested"] - told["passed"] > 0
+
+
+def test_trials_that_cannot_change_the_verdict_are_left_out_unless_asked_for(config):
+    assert for_verdicts(config()).components["simulator"].options.trials == "decisive"
+    told = config("simulator.trials=all")
+    assert for_verdicts(told) == told
 
 
 def test_workers_change_nothing_but_the_time(config):
