@@ -101,8 +101,10 @@ def body_hash(hand: Hand) -> str:
         )
         for joint in hand.urdf.joints.values()
     ]
-    parts = [content_hash(_bytes(part.mesh.vertices)) for part in hand.parts]
-    return content_hash(json.dumps(sorted(joints)), *sorted(parts))
+    # a mesh's pieces share it, and depend on how it is cut
+    shapes = [part.mesh if part.cut_from is None else part.cut_from for part in hand.parts]
+    hashes = [content_hash(_bytes(shape.vertices)) for shape in {id(s): s for s in shapes}.values()]
+    return content_hash(json.dumps(sorted(joints)), *sorted(hashes))
 
 
 def _rounded(values: object) -> list[int]:

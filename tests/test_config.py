@@ -284,6 +284,15 @@ def test_the_provider_that_was_chosen_survives_the_round_trip(tmp_path: Path):
     assert run(files=(file,))[0].components["fitter"].record.provider == "second"
 
 
+def test_options_set_afterwards_leave_what_was_not_given_unset():
+    (config,) = run("hand=a", "fitter.steps=3")
+    changed = config.with_options("fitter", particles=5).components["fitter"].options
+    assert changed.model_dump(exclude_unset=True) == {"steps": 3, "particles": 5}
+    assert config.components["fitter"].options.model_fields_set == {"steps"}
+    with pytest.raises(ValueError, match="particles"):
+        config.with_options("fitter", particles=0)
+
+
 TEXT = st.text(min_size=1, max_size=12)
 
 

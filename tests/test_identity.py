@@ -7,10 +7,12 @@ import shutil
 from pathlib import Path
 
 import pytest
-from gripper import write_gripper
+import trimesh
+from gripper import URDF, write_gripper
 
 from gdg.errors import GdgError
 from gdg.folders import HANDS, OBJECTS
+from gdg.geometry.convex import Decomposition
 from gdg.hands.hand import find_hand, load_hand
 from gdg.identity import Assets, body_hash, object_hash
 from gdg.objects.model import find_object
@@ -54,6 +56,20 @@ def test_another_joint_limit_or_shape_is_another_body(tmp_path: Path):
         other = f'{attribute}="{1.1 * float(found[1]):g}'
         (folder / "two_jaws.urdf").write_text(urdf.replace(found[0], other, 1))
         assert body_hash(load_hand(folder)) != before
+
+
+def test_a_body_does_not_depend_on_how_meshes_are_cut(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    folder = write_gripper(tmp_path)
+    urdf = URDF.replace('<box size="0.04 0.14 0.02"/>', '<mesh filename="ring.stl"/>')
+    (folder / "two_jaws.urdf").write_text(urdf)
+    trimesh.creation.annulus(0.01, 0.02, 0.01).export(folder / "ring.stl")
+    fine = load_hand(folder)
+    monkeypatch.setattr("gdg.hands.geometry.DECOMPOSITION", Decomposition(1.0, 1))
+    coarse = load_hand(folder)
+    assert len(coarse.parts) < len(fine.parts)
+    assert body_hash(coarse) == body_hash(fine)
 
 
 def test_the_bundled_hands_have_bodies_of_their_own():

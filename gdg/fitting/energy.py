@@ -70,7 +70,6 @@ class FitEnergy:
         surface: the hand's points among which the nearest are searched, link frames, metres.
         distance: what the hand's own map is measured with.
         options: the weights.
-        stride: of the hand's surface points, only every so-manieth counts in E_p.
     """
 
     hand: HandModel
@@ -81,7 +80,6 @@ class FitEnergy:
     surface: LinkPoints
     distance: Distance
     options: FitOptions
-    stride: int = 1
 
     def on(self, chosen: Int[Tensor, "chosen_point"], stride: int) -> FitEnergy:
         """The same on some of the object's points, and every ``stride``-th of the hand's."""
@@ -91,7 +89,6 @@ class FitEnergy:
             normals=self.normals[chosen],
             targets=self.targets[:, chosen],
             surface=self.surface.every(stride),
-            stride=stride,
         )
 
     @property
@@ -122,7 +119,7 @@ class FitEnergy:
         if hand_index is None:
             hand_index = self._nearest(poses)
         values = self.distance.contact_value(self._distance_to(hand_index, poses))
-        inside = penetration(self.hand, self.obj, poses, self.stride)
+        inside = penetration(self.hand, self.obj, poses)
         summed = inside.summed
         if self.options.penetration == "nearest":
             surface = self.hand.place_surface(poses)

@@ -26,6 +26,8 @@ BAND_CELLS = 2.0
 #: Nodes further from the surface than this are on the same side of it as their neighbours that are,
 #: too: above a half, so that no path leads through a gap of less than a cell.
 APART_CELLS = 0.75
+#: Triangles of less height don't count as surface, metres: their neighbours are as near.
+THINNEST_M = 1e-7
 #: Nodes along a side of the blocks that the search for that band begins with; a power of two.
 LARGEST_BLOCK = 8
 
@@ -126,7 +128,8 @@ def signed_distance_arrays(mesh: trimesh.Trimesh) -> dict[str, np.ndarray]:
     """Node values, origin and spacing of a mesh's grid.
 
     Signs come from the generalised winding number (Jacobson et al. 2013), so overlapping bodies
-    do no harm, nor do gaps of less than a cell (see ``close_gaps`` for larger ones). Distances
+    do no harm, nor do gaps of less than a cell. Through larger ones signs spread, so ``close_gaps``
+    comes first. Distances
     are exact near the surface; elsewhere they are taken to the closest point of the nearest node
     of that band.
     """
@@ -168,6 +171,7 @@ def _near_surface(
         indices of the nodes per axis, distances (node,) and closest surface points (node, 3).
     """
     vertices, faces = _arrays(mesh)
+    faces = faces[_heights(mesh) > THINNEST_M]  # what has no area bounds nothing
     size = LARGEST_BLOCK
     blocks = np.indices(tuple(-(-shape // size))).reshape(3, -1).T * size
     while True:
@@ -182,6 +186,12 @@ def _near_surface(
         octants = size * np.indices((2, 2, 2)).reshape(3, -1).T
         blocks = (blocks[near, None] + octants).reshape(-1, 3)
         blocks = blocks[(blocks < shape).all(1)]
+
+
+def _heights(mesh: trimesh.Trimesh) -> np.ndarray:
+    """The least height of each triangle, metres."""
+    longest = np.linalg.norm(mesh.triangles - np.roll(mesh.triangles, 1, axis=1), axis=-1).max(1)
+    return 2 * mesh.area_faces / np.maximum(longest, 1e-30)
 
 
 def _signs(

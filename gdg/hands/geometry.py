@@ -43,6 +43,7 @@ class ConvexPart:
         size: full side lengths; radius and length; radius; or empty for a hull. Metres.
         T_link_part: pose in the link's frame (identity for a hull).
         mesh: its surface in the link's frame, metres.
+        cut_from: the mesh that a hull is a piece of, in the link's frame, metres; None for others.
     """
 
     link: str
@@ -50,6 +51,7 @@ class ConvexPart:
     size: tuple[float, ...]
     T_link_part: np.ndarray
     mesh: trimesh.Trimesh
+    cut_from: trimesh.Trimesh | None = None
 
 
 @dataclass(frozen=True)
@@ -117,7 +119,7 @@ def _parts_of(urdf: Urdf, folder: Path, link: str, shape: Shape) -> list[ConvexP
         hulls = convex_parts(mesh, DECOMPOSITION)
     except GdgError as error:
         raise GdgError(f"{where}: {error}") from error
-    return [ConvexPart(link, "hull", (), np.eye(4), hull) for hull in hulls]
+    return [ConvexPart(link, "hull", (), np.eye(4), hull, mesh) for hull in hulls]
 
 
 def resolve_mesh(urdf_path: Path, folder: Path, link: str, name: str) -> Path:

@@ -47,7 +47,7 @@ def nearest_hand_points(
             EPSILON_M,
         )
         return torch.from_numpy(index)
-    search = nearest_fused if can_fuse() else nearest_exhaustive
+    search = nearest_fused if can_fuse(hand_points.device) else nearest_exhaustive
     return search(object_points, object_normals, hand_points, gamma, EPSILON_M)
 
 

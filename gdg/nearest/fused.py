@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 from collections.abc import Callable
 from functools import cache
 from importlib.util import find_spec
@@ -10,10 +12,19 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
+#: GPUs older than this are refused by Triton.
+CAPABILITY = (7, 0)
 
-def can_fuse() -> bool:
-    """Whether torch's compiler finds what it generates GPU kernels with."""
-    return find_spec("triton") is not None
+
+@cache
+def can_fuse(device: torch.device) -> bool:
+    """Whether torch's compiler has what it generates kernels with: Triton, and a C compiler."""
+    return (
+        device.type == "cuda"
+        and torch.cuda.get_device_capability(device) >= CAPABILITY
+        and find_spec("triton") is not None
+        and any(map(shutil.which, (os.environ.get("CC", "cc"), "gcc", "clang")))
+    )
 
 
 def nearest_fused(
@@ -28,7 +39,9 @@ def nearest_fused(
     Scores are reduced where they are computed: no pair is written to memory. The first call
     compiles (seconds; torch keeps the kernel on disk).
     """
-    return _compiled()(object_points, object_normals, hand_points, gamma, epsilon)
+    clouds = (object_points, object_normals, hand_points)
+    # what is laid out alike needs no kernel of its own
+    return _compiled()(*(cloud.contiguous() for cloud in clouds), float(gamma), epsilon)
 
 
 @cache

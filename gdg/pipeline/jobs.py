@@ -78,7 +78,7 @@ class GraspJob(PairJob):
     Attributes:
         simulate: test the grasps in simulation.
         verified: go on proposing until n grasps pass the test, and give these alone; by
-            simulator.trials=decisive unless another value is given.
+            simulator.trials=decisive unless the words or files name another value.
         most_proposed: with verified=true: give up after so many proposals per grasp asked for.
         workers: with verified=true: processes that plan and test, 0 for one per core and four
             grasps asked for; the grasps don't depend on it.

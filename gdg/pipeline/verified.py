@@ -16,6 +16,7 @@ from gdg.engine.threads import usable_cores
 from gdg.kinds.fitter import Progress
 from gdg.pipeline.jobs import GraspJob
 from gdg.pipeline.pair import Pair, generator_for
+from gdg.simulation.options import SimulatorOptions
 
 #: Grasps planned and tested at a time: few, so that little is proposed in vain.
 BATCH = 4
@@ -42,9 +43,8 @@ class Batch:
 
 def for_verdicts(config: RunConfig) -> RunConfig:
     """The config with no more of the test's trials than decide it, unless it says how many."""
-    simulator = config.components["simulator"]
-    options = type(simulator.options)
-    if "trials" not in options.model_fields or "trials" in simulator.options.model_fields_set:
+    options = config.components["simulator"].options
+    if not isinstance(options, SimulatorOptions) or "trials" in options.model_fields_set:
         return config
     return config.with_options("simulator", trials="decisive")
 
@@ -66,6 +66,7 @@ def verified_grasps(
         found: told the grasps so far whenever there are more, so that none is lost.
         progress: told how many there are, of how many.
     """
+    config = for_verdicts(config)
     job: GraspJob = config.job
     report = progress or (lambda done, total: None)
     most = max(1, -(-job.n * job.most_proposed // BATCH))

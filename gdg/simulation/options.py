@@ -15,8 +15,9 @@ class SimulatorOptions(Options):
     Attributes:
         trials: ``all`` of the protocol's, the unshifted one to its end; ``decisive``: only until
             the majority is decided, and each of them until its outcome is. Success and the
-            failure's name are the same; what did not run isn't known, so displacements of a
-            failing grasp may be NaN, and ``stable`` of a passing one None. For synthesis.
+            failure's name are the same; what did not run isn't known, so displacements may be
+            NaN (of a grasp that fails at least one trial), and ``stable`` of a passing one None.
+            For synthesis and for verified grasps.
         force_limits: whether the hand's own force limits bound the drives of a protocol that
             sets their gains. The releases' drives are practically unlimited, and crush what they
             hold. A protocol without gains takes gains and limits from the hand.

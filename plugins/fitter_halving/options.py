@@ -24,7 +24,7 @@ class HalvingOptions(FitOptions):
             never more than ``particles``.
         first_points: object points at which the first round compares the maps.
         last_points: object points of the last round.
-        first_hand_stride: only every so-manieth hand point counts in the first round; every one in
+        first_hand_stride: every so-manieth hand point is searched in the first round; every one in
             the last.
         learning_rate: of every entry of q (metres, rot6d, radians), in the first round.
         last_learning_rate: in the last round.

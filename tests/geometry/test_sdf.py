@@ -48,6 +48,15 @@ def directions(count: int, seed: int = 0) -> torch.Tensor:
     return torch.nn.functional.normalize(normal, dim=-1)
 
 
+def test_a_face_without_area_is_no_surface():
+    box = trimesh.creation.box(2 * HALF.numpy())
+    line = len(box.vertices) + np.arange(3)[None]
+    vertices = np.concatenate((box.vertices, [[-0.02, 0, 0], [0, 0, 0], [0.02, 0, 0]]))
+    mesh = trimesh.Trimesh(vertices, np.concatenate((box.faces, line)), process=False)
+    points = directions(500) * 0.02
+    torch.testing.assert_close(grid_of(mesh).distance(points), grid_of(box).distance(points))
+
+
 def test_distance_to_a_sphere_is_exact_near_its_surface_and_close_elsewhere(
     sphere: SignedDistanceGrid,
 ):

@@ -9,6 +9,7 @@ import pytest
 import torch
 from training_samples import some_grasps
 
+from gdg.components import Options
 from gdg.data.grasps import GraspSet, load_grasps
 from gdg.errors import GdgError
 from gdg.pipeline.grasp import run_grasp
@@ -60,6 +61,16 @@ def test_trials_that_cannot_change_the_verdict_are_left_out_unless_asked_for(con
     assert for_verdicts(config()).components["simulator"].options.trials == "decisive"
     told = config("simulator.trials=all")
     assert for_verdicts(told) == told
+
+
+def test_a_simulator_with_trials_of_another_kind_is_left_alone(config):
+    class Counted(Options):
+        trials: int = 5
+
+    given = config()
+    other = given.components["simulator"].model_copy(update={"options": Counted()})
+    given = given.model_copy(update={"components": {**given.components, "simulator": other}})
+    assert for_verdicts(given) is given
 
 
 def test_workers_change_nothing_but_the_time(config):
