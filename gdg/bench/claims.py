@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -40,28 +41,32 @@ class ClaimVerdict:
         return f"{text} ({shown(self.claim, self.estimate, self.interval)})."
 
 
-def judge(claim: Claim, first: Row | None, second: Row | None, settings: str = "") -> ClaimVerdict:
-    """Compares two rows, object by object.
+#: A row and the one that it is compared with, None where it could not be had.
+RowPair = tuple[Row | None, Row | None]
+#: An object of one row and the same of another.
+_Both = tuple[ObjectRow, ObjectRow]
+
+
+def judge(claim: Claim, compared: Sequence[RowPair], settings: str = "") -> ClaimVerdict:
+    """Compares rows, object by object.
 
     What is judged is the mean, over the objects that both rows have, of the difference of success
     shares, of the difference of diversities, or of the logarithm of the ratio of seconds, by its
     Student t interval over objects. Grasps of one object succeed and fail together, so counting
     all of a row as independent, as Wilson's interval of the row does, would be too sure; and both
-    rows have the same objects, easy and hard ones, which the pairing takes out.
+    rows have the same objects, easy and hard ones, which the pairing takes out. Where a claim is
+    about several pairs of rows, each object counts with the mean over them.
 
     Differences of success may be equal by chance, all of a few objects at 100 % for instance. The
     interval is therefore at least as wide as grasps that were independent would make it. An
     interval without any width (or of fewer than two objects) decides nothing.
     """
-    if first is None or second is None:
+    matched = [_matched(first, second) for first, second in compared if first and second]
+    if len(matched) < len(compared):
         return ClaimVerdict(claim, "not tested", settings=settings)
-    others = {one.name: one for one in second.objects}
-    pairs = [(one, others[one.name]) for one in first.objects if one.name in others]
-    differences = _differences(claim, pairs)
+    differences = _differences(claim, matched)
     estimate = sum(differences) / len(differences) if differences else math.nan
-    sides = ([one.success for one, _ in pairs], [other.success for _, other in pairs])
-    chance = math.hypot(*map(chance_error, sides)) if claim.measure == "success" else 0.0
-    low, high = mean_interval(differences, chance)
+    low, high = mean_interval(differences, _chance(claim, matched))
     verdict = "undecided"
     if low < high and low > claim.margin:
         verdict = "confirmed"
@@ -70,23 +75,37 @@ def judge(claim: Claim, first: Row | None, second: Row | None, settings: str = "
     return ClaimVerdict(claim, verdict, estimate, (low, high), settings)
 
 
-#: An object of one row and the same of another.
-_Pair = tuple[ObjectRow, ObjectRow]
+def _matched(first: Row, second: Row) -> list[_Both]:
+    """The objects that both rows have."""
+    others = {one.name: one for one in second.objects}
+    return [(one, others[one.name]) for one in first.objects if one.name in others]
 
 
-def _differences(claim: Claim, pairs: Sequence[_Pair]) -> list[float]:
-    """First over second, for each object on which both are known."""
+def _differences(claim: Claim, matched: Sequence[Sequence[_Both]]) -> list[float]:
+    """First over second for each object on which both are known, means over the pairs of rows."""
+    by_object: dict[str, list[float]] = {}
+    for one, other in itertools.chain.from_iterable(matched):
+        if math.isfinite(value := _difference(claim, one, other)):
+            by_object.setdefault(one.name, []).append(value)
+    return [sum(values) / len(values) for values in by_object.values()]
+
+
+def _difference(claim: Claim, one: ObjectRow, other: ObjectRow) -> float:
     if claim.measure == "success":
-        values = [one.success.share - other.success.share for one, other in pairs]
-    elif claim.measure == "diversity":
-        values = [one.diversity_rad - other.diversity_rad for one, other in pairs]
-    else:
-        values = [
-            math.log(other.plan_s / one.plan_s)
-            for one, other in pairs
-            if one.plan_s > 0 and other.plan_s > 0
-        ]
-    return [value for value in values if math.isfinite(value)]
+        return one.success.share - other.success.share
+    if claim.measure == "diversity":
+        return one.diversity_rad - other.diversity_rad
+    known = one.plan_s > 0 and other.plan_s > 0
+    return math.log(other.plan_s / one.plan_s) if known else math.nan
+
+
+def _chance(claim: Claim, matched: Sequence[Sequence[_Both]]) -> float:
+    """Standard error of the mean difference of success if grasps were independent."""
+    if claim.measure != "success":
+        return 0.0
+    sides = (([a.success for a, _ in both], [b.success for _, b in both]) for both in matched)
+    errors = map(chance_error, itertools.chain.from_iterable(sides))
+    return math.hypot(*errors) / max(1, len(matched))
 
 
 def shown(claim: Claim, estimate: float, interval: tuple[float, float]) -> str:

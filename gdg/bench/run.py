@@ -206,7 +206,7 @@ def _claims(table: BenchTable, rows: Sequence[BenchRow]) -> list[ClaimVerdict]:
     found = {(row.method.label, row.settings): row.row for row in rows}
     settings = list(dict.fromkeys(row.settings for row in rows if row.row is not None)) or [""]
     return [
-        judge(claim, found.get((claim.first, one)), found.get((claim.second, one)), one)
+        judge(claim, [(found.get((a, one)), found.get((b, one))) for a, b in claim.pairs], one)
         for claim in table.claims
         for one in settings
     ]

@@ -18,7 +18,7 @@ def test_claims_are_about_rows_of_the_table(table):
     labels = [method.label for method in table.methods]
     assert len(set(labels)) == len(labels)
     for claim in table.claims:
-        assert {claim.first, claim.second} <= set(labels)
+        assert {label for pair in claim.pairs for label in pair} <= set(labels)
 
 
 def test_the_tables_hold_the_published_numbers():
