@@ -7,7 +7,10 @@ import importlib.util
 import inspect
 import shlex
 import sys
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict
 
@@ -30,7 +33,13 @@ def config_key(kind: str) -> str:
 
 
 class Options(BaseModel):
-    """Base of every component's options: frozen, typed, finite, unknown fields refused."""
+    """Base of every component's options: frozen, typed, finite, unknown fields refused.
+
+    Attributes:
+        for_verified: what ``gdg grasp verified=true`` sets where no word or file does.
+    """
+
+    for_verified: ClassVar[Mapping[str, Any]] = MappingProxyType({})
 
     model_config = ConfigDict(
         extra="forbid", frozen=True, validate_default=True, allow_inf_nan=False

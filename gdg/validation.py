@@ -63,8 +63,8 @@ def _sentence(detail: Any, model: type[BaseModel], prefix: str) -> str:
         hint = did_you_mean(str(detail["loc"][-1]), _model_at(model, detail["loc"]).model_fields)
         return f"{place}: there is no such option.{hint}"
     reason = detail["msg"].removeprefix("Value error, ").removesuffix(".")
-    if not place:  # said of the whole, which would be too long to show
-        return f"{reason}."
+    if not detail["loc"]:  # said of the whole, which would be too long to show
+        return f"{prefix.removesuffix('.')}: {reason}." if prefix else f"{reason}."
     return f"{place}: {reason} (given: {shown(detail['input'])})."
 
 

@@ -125,9 +125,9 @@ class GraspSet:
         """Indices of the grasps whose verdict is success."""
         return [index for index, verdict in enumerate(self.verdicts) if verdict.success]
 
-    def save(self, path: Path) -> None:
+    def save(self, path: Path | str) -> None:
         """Writes ``grasps.json`` atomically: the file is either the old one or complete."""
-        write_text_atomically(path, json.dumps(self.as_dict(), indent=1) + "\n")
+        write_text_atomically(Path(path), json.dumps(self.as_dict(), indent=1) + "\n")
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values with named joints, units and 4×4 poses; what is not finite is None."""
@@ -164,12 +164,13 @@ class GraspSet:
         return grasp
 
 
-def load_grasps(path: Path) -> GraspSet:
+def load_grasps(path: Path | str) -> GraspSet:
     """Reads a ``grasps.json``; contact values are not stored and come back as None.
 
     Raises:
         GdgError: the file can't be read, isn't of this schema, or a pose is not rigid.
     """
+    path = Path(path)
     try:
         tree = json.loads(path.read_text(encoding="utf-8"))
         if tree.get("schema") != SCHEMA:

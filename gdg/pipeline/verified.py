@@ -16,7 +16,6 @@ from gdg.engine.threads import usable_cores
 from gdg.kinds.fitter import Progress
 from gdg.pipeline.jobs import GraspJob
 from gdg.pipeline.pair import Pair, generator_for
-from gdg.simulation.options import SimulatorOptions
 
 #: Grasps planned and tested at a time: few, so that little is proposed in vain.
 BATCH = 4
@@ -42,11 +41,12 @@ class Batch:
 
 
 def for_verdicts(config: RunConfig) -> RunConfig:
-    """The config with no more of the test's trials than decide it, unless it says how many."""
-    options = config.components["simulator"].options
-    if not isinstance(options, SimulatorOptions) or "trials" in options.model_fields_set:
-        return config
-    return config.with_options("simulator", trials="decisive")
+    """The config with what its components have for verified grasps, where it says nothing else."""
+    for key, choice in config.components.items():
+        given = choice.options.model_fields_set
+        if values := {k: v for k, v in choice.options.for_verified.items() if k not in given}:
+            config = config.with_options(key, **values)
+    return config
 
 
 def verified_grasps(

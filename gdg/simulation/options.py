@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
@@ -17,7 +19,7 @@ class SimulatorOptions(Options):
             the majority is decided, and each of them until its outcome is. Success and the
             failure's name are the same; what did not run isn't known, so displacements may be
             NaN (of a grasp that fails at least one trial), and ``stable`` of a passing one None.
-            For synthesis and for verified grasps.
+            For synthesis, and what verified grasps are tested by.
         force_limits: whether the hand's own force limits bound the drives of a protocol that
             sets their gains. The releases' drives are practically unlimited, and crush what they
             hold. A protocol without gains takes gains and limits from the hand.
@@ -27,6 +29,7 @@ class SimulatorOptions(Options):
             forces are those of the drives, whatever the number of iterations.
     """
 
+    for_verified: ClassVar[Mapping[str, Any]] = MappingProxyType({"trials": "decisive"})
     trials: Literal["all", "decisive"] = "all"
     force_limits: bool = True
     armature: Annotated[float, Field(ge=0, le=1)] = 1e-3

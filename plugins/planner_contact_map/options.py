@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from gdg.components import Options
 
@@ -14,7 +14,7 @@ class ContactMapOptions(Options):
 
     Attributes:
         maps: contact maps generated per grasp asked for; the grasps of the best are kept. The
-            paper makes one.
+            paper makes one. Below 1, several fits to a map are kept, which takes spread.
         close: flex fingers that the fit left off the object until they touch it.
         rank: the energy by which one of the fits to each map is kept and grasps are sorted.
             ``energy``: the fit's (paper); only what is kept is closed then; ``stability``: the
@@ -26,8 +26,14 @@ class ContactMapOptions(Options):
             costs nothing when ranking by ``stability``.
     """
 
-    maps: Annotated[float, Field(ge=1, le=100)] = 4.0
+    maps: Annotated[float, Field(gt=0, le=100)] = 4.0
     close: bool = True
     rank: Literal["energy", "stability"] = "stability"
     spread: Annotated[float, Field(ge=0, le=100)] = 0.5
     max_overlap_mm: Annotated[float, Field(ge=0)] = 1.5
+
+    @model_validator(mode="after")
+    def _enough_maps(self) -> ContactMapOptions:
+        if self.maps < 1 and (self.rank == "energy" or not self.spread):
+            raise ValueError("maps below 1 need rank=stability and spread > 0")
+        return self

@@ -109,7 +109,7 @@ def test_joints_are_matched_by_name_not_by_place(tmp_path: Path):
     tree = grasps.as_dict()
     tree["joint_names"].reverse()
     (tmp_path / "g.json").write_text(json.dumps(tree))
-    back = load_grasps(tmp_path / "g.json")
+    back = load_grasps(str(tmp_path / "g.json"))
     torch.testing.assert_close(back.joints.flip(-1), grasps.joints, atol=1e-6, rtol=0)
 
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 
 import pytest
 import torch
@@ -57,20 +59,30 @@ def test_it_gives_up_and_says_what_the_proposals_failed_by(config):
     assert sum(told["failed"].values()) == told["tested"] - told["passed"] > 0
 
 
+def test_what_components_set_for_verified_grasps_is_set_unless_told_otherwise(config):
+    class Counted(Options):
+        for_verified = MappingProxyType({"trials": 3, "rounds": 1})
+        trials: int = 5
+        rounds: int = 2
+
+    choice = config().components["simulator"]
+    record = replace(choice.record, options=Counted)
+
+    def of(options: Options) -> Options:
+        changed = choice.model_copy(update={"options": options, "record": record})
+        given = config()
+        components = {**given.components, "simulator": changed}
+        given = given.model_copy(update={"components": components})
+        return for_verdicts(given).components["simulator"].options
+
+    assert of(Counted()) == Counted(trials=3, rounds=1)
+    assert of(Counted(trials=5)) == Counted(trials=5, rounds=1)
+
+
 def test_trials_that_cannot_change_the_verdict_are_left_out_unless_asked_for(config):
     assert for_verdicts(config()).components["simulator"].options.trials == "decisive"
-    told = config("simulator.trials=all")
-    assert for_verdicts(told) == told
-
-
-def test_a_simulator_with_trials_of_another_kind_is_left_alone(config):
-    class Counted(Options):
-        trials: int = 5
-
-    given = config()
-    other = given.components["simulator"].model_copy(update={"options": Counted()})
-    given = given.model_copy(update={"components": {**given.components, "simulator": other}})
-    assert for_verdicts(given) is given
+    told = for_verdicts(config("simulator.trials=all"))
+    assert told.components["simulator"].options.trials == "all"
 
 
 def test_workers_change_nothing_but_the_time(config):

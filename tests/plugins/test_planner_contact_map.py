@@ -116,6 +116,25 @@ def test_one_fit_of_each_map_is_kept(
     )
 
 
+def test_of_fewer_maps_than_grasps_several_fits_to_a_map_are_kept(
+    gripper_model: HandModel, cube: ObjectModel
+):
+    distance = EuclideanDistance(NoOptions())
+    planner = ContactMapPlanner(
+        ContactMapOptions(close=False, maps=0.5),
+        generator=StandInGenerator(distance),
+        fitter=SeveralFits(NoOptions(), distance=distance),
+    )
+    grasps = planner.plan(gripper_model, cube, 4, torch.Generator().manual_seed(0))
+    assert len(grasps) == 4  # of two maps with three fits each
+
+
+@pytest.mark.parametrize("words", [{"rank": "energy"}, {"spread": 0}])
+def test_a_grasp_of_each_map_asks_for_a_map_per_grasp(words: dict[str, Any]):
+    with pytest.raises(ValueError, match="maps below 1 need rank=stability and spread > 0"):
+        ContactMapOptions(maps=0.5, **words)
+
+
 def test_grasps_that_hold_and_differ_go_before_those_that_are_alike_or_fail():
     grasps = replace(
         jaw_grasps((0.0,) * 5, squeeze=None),
