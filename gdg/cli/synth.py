@@ -26,7 +26,7 @@ def synth(settings: tuple[str, ...], files: tuple[Path, ...]) -> None:
     """
     words = [*_spans_of(files, settings), *settings]
     configs = configs_from(SynthJob, SYNTH_DEFAULTS, files, words)
-    from gdg.cli.progress import synth_display
+    from gdg.cli.synth_display import synth_display
     from gdg.pipeline.synth import run_synth
 
     with synth_display() as display:

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-import pytorch_kinematics as pk
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from gdg.hands.hand import Hand
 from gdg.kinds.hand_model import HandModel
+from gdg.late_imports import late
 
 from .options import PytorchKinematicsOptions
+
+with late("matplotlib", "pyplot", "cm"):  # for plots of its inverse kinematics
+    import pytorch_kinematics as pk
 
 
 class PytorchKinematicsHand(HandModel):

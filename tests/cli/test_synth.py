@@ -9,7 +9,7 @@ import pytest
 from command_line import refused
 from gripper import write_gripper
 
-from gdg.cli.progress import clock, pair_line, progress_line
+from gdg.cli.synth_display import clock, pair_line, progress_line
 from gdg.pipeline.counts import ShardCounts
 from gdg.pipeline.synth import PairResult, Progress
 
