@@ -16,8 +16,9 @@ from gdg.pipeline.jobs import DEFAULTS, GraspJob
 def grasp(settings: tuple[str, ...], files: tuple[Path, ...]) -> None:
     """Plan grasps of one object with one hand, test them in simulation, draw them.
 
-    With verified=true it goes on until n grasps pass the test, and gives these alone; trials that
-    cannot change a verdict are left out unless simulator.trials=all asks for them.
+    With verified=true it goes on until n grasps pass the test, and gives these alone. More is
+    proposed in the same time then: fits are quicker, and trials that cannot change a verdict are
+    left out, unless settings say otherwise.
 
     Writes grasps.json (named joints, 4x4 poses, verdicts), config.yaml, grasps.png and
     report.html into the run folder.

@@ -77,8 +77,10 @@ class GraspJob(PairJob):
 
     Attributes:
         simulate: test the grasps in simulation.
-        verified: go on proposing until n grasps pass the test, and give these alone; by
-            simulator.trials=decisive unless the words or files name another value.
+        verified: go on proposing until n grasps pass the test, and give these alone. Unless the
+            words or files name other values, more is proposed in the same time: one contact map per
+            grasp (planner.maps), quicker fits (fitter.particles, fitter.first_points,
+            fitter.last_points) and the trials that decide (simulator.trials=decisive).
         most_proposed: with verified=true: give up after so many proposals per grasp asked for.
         workers: with verified=true: processes that plan and test, 0 for one per core and four
             grasps asked for; the grasps don't depend on it.

@@ -6,12 +6,12 @@ import time
 from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import torch
 
 from gdg.data.grasps import GraspSet
-from gdg.data.table import Table
 from gdg.data.verdict import Verdict
 from gdg.errors import GdgError
 from gdg.hands.hand import Hand
@@ -45,6 +45,7 @@ class WorldSimulator(Simulator):
     def __init__(self, options: SimulatorOptions):
         super().__init__(options)
         self._trials = options.trials
+        self._bench: _Bench | None = None
 
     @abstractmethod
     def build_world(self, hand: Hand, obj: ObjectModel, protocol: Protocol) -> GraspWorld:
@@ -76,10 +77,10 @@ class WorldSimulator(Simulator):
             )
         if not len(grasps):
             return ()
-        bench = _Bench(lambda: self.build_world(hand.hand, obj, protocol), protocol, obj.table)
+        bench = self._bench_of(hand.hand, obj, protocol)
         facts = _Facts(
             protocol,
-            bench.free_displacement(),
+            bench.free_displacement,
             grasps.targets is not None,
             self.engine,
             self.left_out(protocol),
@@ -93,6 +94,12 @@ class WorldSimulator(Simulator):
             if progress is not None:
                 progress(index + 1, len(grasps))
         return tuple(verdicts)
+
+    def _bench_of(self, hand: Hand, obj: ObjectModel, protocol: Protocol) -> _Bench:
+        """The bench of the call before, if it is for the same; shapes are cooked once."""
+        if self._bench is None or not self._bench.serves(hand, obj, protocol):
+            self._bench = _Bench(self.build_world, hand, obj, protocol)
+        return self._bench
 
     def _trials_of(self, bench: _Bench, start: TrialStart, depth_mm: float) -> list[Trial]:
         """The trials of one grasp: all of them, or as many as decide it."""
@@ -119,19 +126,29 @@ class _Bench:
     """Runs trials of one hand and object in a world that is built anew when it breaks."""
 
     def __init__(
-        self, build: Callable[[], GraspWorld], protocol: Protocol, table: Table | None
+        self,
+        build_world: Callable[[Hand, ObjectModel, Protocol], GraspWorld],
+        hand: Hand,
+        obj: ObjectModel,
+        protocol: Protocol,
     ) -> None:
         self.protocol = protocol
-        self._build, self._table = build, table
-        self._world = build()
+        self._hand, self._obj = hand, obj
+        self._build = lambda: build_world(hand, obj, protocol)
+        self._world = self._build()
 
+    def serves(self, hand: Hand, obj: ObjectModel, protocol: Protocol) -> bool:
+        """Whether it is for these."""
+        return hand is self._hand and obj is self._obj and protocol == self.protocol
+
+    @cached_property
     def free_displacement(self) -> float:
         """Of the object without a hand, metres."""
-        return free_displacement(self._world, self.protocol, self._table)
+        return free_displacement(self._world, self.protocol, self._obj.table)
 
     def run(self, start: TrialStart, until: Until, failure: str = "") -> Trial:
         """One trial; see ``run_trial``."""
-        trial = run_trial(self._world, self.protocol, start, until, self._table, failure)
+        trial = run_trial(self._world, self.protocol, start, until, self._obj.table, failure)
         if trial.diverged:
             self._world = self._build()  # NaN stays in a world
         return trial

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
@@ -14,7 +16,8 @@ Points = Annotated[int, Field(ge=1)]
 class HalvingOptions(FitOptions):
     """Options of ``HalvingFitter``, beside those of every fit.
 
-    What a round has lies between what the first and the last have, each in equal ratios.
+    What a round has lies between what the first and the last have, each in equal ratios. Verified
+    grasps, which a test chooses among, are fitted with half the starts and points.
 
     Attributes:
         rounds: how often the worst particles are dropped, plus one.
@@ -30,6 +33,9 @@ class HalvingOptions(FitOptions):
         last_learning_rate: in the last round.
     """
 
+    for_verified: ClassVar[Mapping[str, Any]] = MappingProxyType(
+        {"particles": 64, "first_points": 64, "last_points": 512}
+    )
     rounds: Annotated[int, Field(ge=2, le=20)] = 3
     steps: Steps = 100
     particles: Count = 128

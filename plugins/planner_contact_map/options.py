@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
@@ -11,6 +13,8 @@ from gdg.components import Options
 
 class ContactMapOptions(Options):
     """What happens around generator and fitter.
+
+    Verified grasps, which a test chooses among, have one map each.
 
     Attributes:
         maps: contact maps generated per grasp asked for; the grasps of the best are kept. The
@@ -26,6 +30,7 @@ class ContactMapOptions(Options):
             costs nothing when ranking by ``stability``.
     """
 
+    for_verified: ClassVar[Mapping[str, Any]] = MappingProxyType({"maps": 1.0})
     maps: Annotated[float, Field(gt=0, le=100)] = 4.0
     close: bool = True
     rank: Literal["energy", "stability"] = "stability"

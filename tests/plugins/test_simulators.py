@@ -18,13 +18,14 @@ from table_samples import put
 
 from gdg.data.grasps import GraspSet
 from gdg.data.verdict import DIRECTIONS, Verdict
-from gdg.hands.hand import load_hand
+from gdg.hands.hand import Hand, load_hand
 from gdg.kinds.hand_model import HandModel
 from gdg.objects.model import ObjectModel, find_object, load_object
 from gdg.protocols import Protocol
 from gdg.rotations import random_rotations
 from gdg.simulation.simulator import WorldSimulator
 from gdg.simulation.trial import TrialStart, run_trial
+from gdg.simulation.world import GraspWorld
 from gdg.testing import check_component
 
 BUNDLED = Path(__file__).resolve().parents[2] / "hands"
@@ -145,6 +146,27 @@ def test_a_bar_that_is_held_by_its_end_turns_between_weak_jaws_and_not_between_f
     )
     assert still < 0.02
     assert 0.35 < turned < 1.2
+
+
+def test_shapes_are_cooked_once_for_all_calls_that_are_alike(
+    engine: Engine, gripper_model: HandModel, cube: ObjectModel, monkeypatch: pytest.MonkeyPatch
+):
+    simulator, cooked = engine.simulator(), []
+    build = simulator.build_world
+
+    def counted(hand: Hand, obj: ObjectModel, protocol: Protocol) -> GraspWorld:
+        cooked.append(protocol)
+        return build(hand, obj, protocol)
+
+    monkeypatch.setattr(simulator, "build_world", counted)
+    plain, other = protocol_of("dro-2024", shifts=0), protocol_of("gendexgrasp-2022", shifts=0)
+    grasps = grasp_of(cube)
+    first, again, differently, alone = (
+        replace(simulator.simulate(gripper_model, cube, grasps, protocol)[0], seconds=0.0)
+        for protocol in (plain, plain, other, plain)
+    )
+    assert cooked == [plain, other, plain]
+    assert first == again == alone != differently
 
 
 def test_a_table_carries_the_object_and_follows_it_down(
