@@ -8,8 +8,10 @@ as well in ordinary threads.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from functools import lru_cache, wraps
 from itertools import pairwise
 from typing import Any, TypeVar
@@ -17,11 +19,37 @@ from typing import Any, TypeVar
 import numpy as np
 import torch
 
-#: Rows of a batch in one thread at a time: handing them over takes some 20 µs, and passes that the
-#: fit spends its time in some 10 µs per row; few enough for threads to end together.
-LEAST_ROWS, PARTS_PER_THREAD = 16, 4
+#: Rows of a batch that are worth a thread: handing them over takes some 50 µs, and passes that the
+#: fit spends its time in some 10 µs per row.
+LEAST_ROWS = 16
 
 Pass = TypeVar("Pass", bound=Callable[..., Any])
+
+
+class _Left(threading.local):
+    """What ``one_torch_thread`` has left to passes; torch counts for each thread, too."""
+
+    threads = 0
+
+
+_left = _Left()
+
+
+@contextmanager
+def one_torch_thread() -> Iterator[None]:
+    """Leaves all of torch's threads but one to compiled passes while it lasts.
+
+    For work that is mostly theirs: torch's own threads would wait, spinning, for small operations
+    on the cores that the passes need.
+    """
+    before, left = torch.get_num_threads(), _left.threads
+    _left.threads = left or before
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
+        _left.threads = left
 
 
 def over_batch(*batched: int) -> Callable[[Pass], Pass]:
@@ -35,21 +63,22 @@ def over_batch(*batched: int) -> Callable[[Pass], Pass]:
     def decorate(compiled: Pass) -> Pass:
         @wraps(compiled)
         def run(*arguments: Any) -> Any:
-            rows, threads = len(arguments[batched[0]]), torch.get_num_threads()
-            parts = min(rows // LEAST_ROWS, PARTS_PER_THREAD * threads)
-            if threads == 1 or parts < 2:
+            rows, threads = len(arguments[batched[0]]), _left.threads or torch.get_num_threads()
+            parts = min(rows // LEAST_ROWS, threads)
+            if parts < 2:
                 return compiled(*arguments)
             bounds = [rows * part // parts for part in range(parts + 1)]
-            slices = [slice(*ends) for ends in pairwise(bounds)]
+            own, *others = (slice(*ends) for ends in pairwise(bounds))
 
             def on_part(part: slice) -> Any:
-                own = list(arguments)
+                given = list(arguments)
                 for position in batched:
-                    if len(own[position]) == rows:
-                        own[position] = own[position][part]
-                return compiled(*own)
+                    if len(given[position]) == rows:
+                        given[position] = given[position][part]
+                return compiled(*given)
 
-            return _joined(list(_pool(threads).map(on_part, slices)))
+            rest = [_pool(threads - 1).submit(on_part, part) for part in others]
+            return _joined([on_part(own), *(part.result() for part in rest)])
 
         return run  # type: ignore[return-value]
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import torch
 
-from gdg.multicore import over_batch
+from gdg.multicore import one_torch_thread, over_batch
 
 ROWS = 1000
 
@@ -42,6 +42,37 @@ def test_parts_give_what_the_whole_gives(rows: int, others: int):
 def test_the_work_is_in_other_threads_only_if_torch_may_use_several(threads: int):
     _, who = sums(np.zeros((ROWS, 3)), np.zeros((1, 3)), 1.0)
     assert (set(who) == {threading.get_ident()}) == (threads == 1)
+
+
+def several_threads_work() -> bool:
+    _, who = sums(np.zeros((ROWS, 3)), np.zeros((1, 3)), 1.0)
+    return len(set(who)) > 1
+
+
+def test_torch_is_left_one_thread_and_gets_the_others_back(threads: int):
+    with one_torch_thread(), one_torch_thread():
+        assert torch.get_num_threads() == 1
+        assert several_threads_work() == (threads > 1)
+    assert torch.get_num_threads() == threads
+    assert several_threads_work() == (threads > 1)
+
+
+def test_each_thread_leaves_torch_one_of_its_own(threads: int):
+    inside, leave = threading.Barrier(2), threading.Event()
+
+    def stays_longer() -> None:
+        with one_torch_thread():
+            inside.wait()
+            leave.wait()
+
+    other = threading.Thread(target=stays_longer)
+    with one_torch_thread():
+        other.start()
+        inside.wait()
+    assert torch.get_num_threads() == threads
+    leave.set()
+    other.join()
+    assert torch.get_num_threads() == threads
 
 
 def test_what_a_part_raises_comes_out():

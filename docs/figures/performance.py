@@ -2,9 +2,10 @@
 
     python docs/figures/performance.py [--quick] [--write]
 
-Give it an otherwise idle machine. Every fit is measured in a process of its own, after one that
-compiles and warms up: wall seconds, the least of three, and how much the process's memory grew at
-its peak (Linux). Fits of one table go in turn, so that a slow moment of the machine hits all alike.
+Give it an otherwise idle machine for half an hour. Fits whose memory counts have a process of their
+own; each comes after one that compiles and warms up: wall seconds, the least of two, and how much
+the process's memory grew at its peak (Linux). Fits of one table go in turn, so that a slow moment
+of the machine hits all alike. Commands are timed as a shell sees them, start of Python included.
 ``--write`` puts the tables into docs/performance.md and draws docs/images/performance.png.
 """
 
@@ -13,12 +14,14 @@ from __future__ import annotations
 import argparse
 import math
 import os
+import sys
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
 from multiprocessing import get_context
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -26,6 +29,7 @@ import torch
 from pages import write_tables
 
 from gdg.config import compose
+from gdg.data.grasps import load_grasps
 from gdg.engine.threads import limit_threads, usable_cores
 from gdg.evaluation.hardware import hardware
 from gdg.kinds.fitter import Fitter
@@ -108,8 +112,8 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="one round, fewer values")
     parser.add_argument("--write", action="store_true", help="put the tables into the page")
     given = parser.parse_args()
-    rounds = 1 if given.quick else 3
-    curves = quality((0,) if given.quick else (0, 1))
+    rounds = 1 if given.quick else 2
+    curves = quality()
     text = "\n\n".join(
         (
             f"{hardware('cpu')}; {time.strftime('%Y-%m-%d')}.",
@@ -122,6 +126,8 @@ def main() -> None:
             quality_table(curves),
             "### Where the time of a grasp goes",
             stages_table(8 if given.quick else 16),
+            "### From the shell",
+            commands_table(),
         )
     )
     print(text)
@@ -217,12 +223,14 @@ def cores_table(rounds: int) -> str:
     return table(("fitter", "device", "threads", "s per map", "memory MB"), rows)
 
 
-def in_turn(settings: Sequence[Setting], rounds: int) -> list[Measured]:
-    """Measures all settings, each in a fresh process, as often; the least seconds of each."""
+def in_turn(settings: Sequence[Setting], rounds: int, each_alone: bool = True) -> list[Measured]:
+    """Measures all settings as often, each in a fresh process or not; the least seconds of each."""
     results = []
     for _ in range(rounds):
         with ProcessPoolExecutor(
-            1, mp_context=get_context("spawn"), max_tasks_per_child=1
+            1,
+            mp_context=get_context("spawn"),
+            max_tasks_per_child=1 if each_alone else len(settings),
         ) as processes:
             results.append(list(processes.map(measure, settings)))
     return [
@@ -277,21 +285,20 @@ def memory_mb(name: str) -> float:
 Curves = dict[str, list[tuple[int, float, float]]]
 
 
-def quality(seeds: Sequence[int]) -> Curves:
-    """Lowest energies against seconds, means over hands, objects and seeds."""
+def quality() -> Curves:
+    """Lowest energies against seconds, means over hands and objects."""
     cases = [
-        {"hand": hand, "object": thing, "seed": seed}
+        Setting(hand=hand, object=thing, maps=4)
         for hand in ("barrett", "shadowhand")
         for thing in ("rubber_duck", "camera")
-        for seed in seeds
     ]
     points = [
-        (label, value, Setting(fitter=fitter, maps=4, words=(*words, f"{name}={value}"), **case))
+        (label, value, replace(case, fitter=fitter, words=(*words, f"{name}={value}")))
         for label, fitter, words, name, values in CURVES
         for value in values
         for case in cases
     ]
-    found = in_turn([setting for _, _, setting in points], 1)
+    found = in_turn([setting for _, _, setting in points], 1, each_alone=False)
     curves: Curves = {}
     for label, _, _, _, values in CURVES:
         for value in values:
@@ -351,6 +358,54 @@ def stages_table(count: int) -> str:
         ("hand", "generate s", "fit s (four maps)", "close s", "rank s", "simulate s (5 trials)"),
         rows,
     )
+
+
+# -- commands ----------------------------------------------------------------------------------
+
+#: What is measured from the shell: ``gdg grasp`` with these words, one grasp after the other row.
+COMMANDS = (
+    "n=1",
+    "n=1 planner.maps=1",
+    "n=1 planner.maps=1 fitter=adam fitter.search_every=1",
+    "n=16 verified=true",
+    "n=16 verified=true fitter=adam",
+    "n=16 verified=true fitter=adam fitter.search_every=1",
+)
+
+
+def commands_table() -> str:
+    """Wall seconds and memory of ``gdg grasp``, pictures and report included."""
+    rows = []
+    for words in COMMANDS:
+        with TemporaryDirectory() as folder:
+            seconds, memory = shell(f"hand=shadowhand object=rubber_duck {words}", folder)
+            grasps = load_grasps(f"{folder}/grasps.json")
+        told = grasps.provenance.get("yield")
+        passed = f"{told['passed']} of {told['proposed']}" if told else "–"
+        spread = f"{grasps.joints.std(0).mean():.3f}" if len(grasps) > 1 else "–"
+        rows.append(
+            (
+                f"`{words}`", f"{seconds:.1f}", f"{seconds / len(grasps):.2f}", passed, spread,
+                f"{memory:.0f}",
+            )
+        )  # fmt: skip
+    head = (
+        "`gdg grasp hand=shadowhand object=rubber_duck …`", "s", "s per grasp", "passed",
+        "diversity rad", "memory MB (largest process)",
+    )  # fmt: skip
+    return table(head, rows)
+
+
+def shell(words: str, folder: str) -> tuple[float, float]:
+    """Seconds and megabytes of a ``gdg grasp`` that writes into a folder."""
+    command = [sys.executable, "-m", "gdg", "grasp", *words.split(), f"out={folder}"]
+    started = time.perf_counter()
+    silence = (os.POSIX_SPAWN_OPEN, 1, os.devnull, os.O_WRONLY, 0)
+    process = os.posix_spawn(sys.executable, command, os.environ, file_actions=[silence])
+    _, status, used = os.wait4(process, 0)
+    if status:
+        raise RuntimeError(f"'{' '.join(command)}' failed")
+    return time.perf_counter() - started, used.ru_maxrss / 1024
 
 
 def table(head: Sequence[object], rows: Sequence[Sequence[object]]) -> str:

@@ -22,6 +22,7 @@ from gdg.initial_poses import above_surface, around_sphere
 from gdg.kinds.distance import Distance
 from gdg.kinds.fitter import Fitter, Progress
 from gdg.kinds.hand_model import HandModel
+from gdg.multicore import one_torch_thread
 from gdg.objects.model import ObjectModel
 from gdg.penetration.table import raised
 from gdg.rotations import ROOT_DIM
@@ -104,12 +105,13 @@ class ParticleFitter(Fitter, Generic[AnyOptions]):
         groups = torch.arange(len(maps)).split(self._maps_at_once(energy, rounds))
         steps = _Steps(len(groups), sum(one.steps for one, _ in rounds), progress)
         found = []
-        for group in groups:
-            particles = Particles(
-                self._starts(hand, obj, seeds[group].tolist()),
-                group.to(hand.device).repeat_interleave(self.options.particles),
-            )
-            found.append(self._fitted(energy, rounds, particles, steps))
+        with one_torch_thread():
+            for group in groups:
+                particles = Particles(
+                    self._starts(hand, obj, seeds[group].tolist()),
+                    group.to(hand.device).repeat_interleave(self.options.particles),
+                )
+                found.append(self._fitted(energy, rounds, particles, steps))
         return self._grasps(hand, obj, maps, Judged.joined(found))
 
     def _maps_at_once(self, energy: FitEnergy, rounds: Sequence[tuple[Round, FitEnergy]]) -> int:
