@@ -23,7 +23,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from gdg.components import KINDS, Component, Options, config_key
 from gdg.errors import GdgError, did_you_mean, raise_if_any
 from gdg.registry import Registry
-from gdg.validation import sentences
+from gdg.validation import sentences, validated
 from gdg.yaml_files import parse_yaml, read_yaml_mapping
 
 GROUPS = {config_key(kind): kind for kind in KINDS}
@@ -76,10 +76,15 @@ class RunConfig(BaseModel):
         return {**self.job.model_dump(mode="json"), **groups}
 
     def with_options(self, key: str, **values: Any) -> RunConfig:
-        """The same config with some options of a component set."""
+        """The same config with some options of a component set.
+
+        Raises:
+            GdgError: the options are refused.
+        """
         choice = self.components[key]
         given = choice.options.model_dump(exclude_unset=True)
-        options = choice.record.options(**{**given, **values})
+        where = f"{key}={choice.name} with {', '.join(f'{k}={v}' for k, v in values.items())}"
+        options = validated(choice.record.options, {**given, **values}, where)
         changed = choice.model_copy(update={"options": options})
         return self.model_copy(update={"components": {**self.components, key: changed}})
 

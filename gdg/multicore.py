@@ -26,8 +26,14 @@ LEAST_ROWS = 16
 Pass = TypeVar("Pass", bound=Callable[..., Any])
 
 
+class _Shared:
+    """How many threads torch had before work left it one, with which new threads begin, too."""
+
+    lock, users, threads = threading.Lock(), 0, 0
+
+
 class _Left(threading.local):
-    """What ``one_torch_thread`` has left to passes; torch counts for each thread, too."""
+    """What the work of this thread has left to passes, 0 for nothing."""
 
     threads = 0
 
@@ -42,14 +48,21 @@ def one_torch_thread() -> Iterator[None]:
     For work that is mostly theirs: torch's own threads would wait, spinning, for small operations
     on the cores that the passes need.
     """
-    before, left = torch.get_num_threads(), _left.threads
-    _left.threads = left or before
-    torch.set_num_threads(1)
+    outer = _left.threads
+    with _Shared.lock:
+        if not _Shared.users:
+            _Shared.threads = torch.get_num_threads()
+        _Shared.users += 1
+        threads = outer or _Shared.threads
     try:
+        _left.threads = threads
+        torch.set_num_threads(1)
         yield
     finally:
-        torch.set_num_threads(before)
-        _left.threads = left
+        _left.threads = outer
+        torch.set_num_threads(1 if outer else threads)
+        with _Shared.lock:
+            _Shared.users -= 1
 
 
 def over_batch(*batched: int) -> Callable[[Pass], Pass]:

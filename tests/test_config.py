@@ -289,7 +289,7 @@ def test_options_set_afterwards_leave_what_was_not_given_unset():
     changed = config.with_options("fitter", particles=5).components["fitter"].options
     assert changed.model_dump(exclude_unset=True) == {"steps": 3, "particles": 5}
     assert config.components["fitter"].options.model_fields_set == {"steps"}
-    with pytest.raises(ValueError, match="particles"):
+    with pytest.raises(GdgError, match=r"^fitter=\w+ with particles=0: particles: Input should be"):
         config.with_options("fitter", particles=0)
 
 

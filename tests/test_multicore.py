@@ -57,22 +57,27 @@ def test_torch_is_left_one_thread_and_gets_the_others_back(threads: int):
     assert several_threads_work() == (threads > 1)
 
 
-def test_each_thread_leaves_torch_one_of_its_own(threads: int):
-    inside, leave = threading.Barrier(2), threading.Event()
+def test_work_at_the_same_time_gives_torch_all_its_threads_back(threads: int):
+    inside, leave = threading.Barrier(2, timeout=30), threading.Event()
+    seen: list[bool | int] = []
 
-    def stays_longer() -> None:
+    def stays_longer() -> None:  # and begins when torch has one thread
         with one_torch_thread():
+            seen.append(several_threads_work())
             inside.wait()
-            leave.wait()
+            leave.wait(30)
 
-    other = threading.Thread(target=stays_longer)
+    other = threading.Thread(target=stays_longer, daemon=True)
     with one_torch_thread():
         other.start()
         inside.wait()
-    assert torch.get_num_threads() == threads
     leave.set()
-    other.join()
+    other.join(30)
     assert torch.get_num_threads() == threads
+    later = threading.Thread(target=lambda: seen.append(torch.get_num_threads()), daemon=True)
+    later.start()
+    later.join(30)
+    assert seen == [threads > 1, threads]
 
 
 def test_what_a_part_raises_comes_out():

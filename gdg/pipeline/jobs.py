@@ -77,10 +77,10 @@ class GraspJob(PairJob):
 
     Attributes:
         simulate: test the grasps in simulation.
-        verified: go on proposing until n grasps pass the test, and give these alone. Unless the
-            words or files name other values, more is proposed in the same time: one contact map per
-            grasp (planner.maps), quicker fits (fitter.particles, fitter.first_points,
-            fitter.last_points) and the trials that decide (simulator.trials=decisive).
+        verified: go on proposing until n grasps pass the test, and give these alone. What words
+            and files don't set (a run's config.yaml sets all) is then chosen so that more is
+            proposed in the same time: planner.maps, and fitter.particles, fitter.first_points and
+            fitter.last_points of halving are less, simulator.trials is decisive.
         most_proposed: with verified=true: give up after so many proposals per grasp asked for.
         workers: with verified=true: processes that plan and test, 0 for one per core and four
             grasps asked for; the grasps don't depend on it.

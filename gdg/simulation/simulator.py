@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import time
 from abc import abstractmethod
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from weakref import ref
 
 import numpy as np
 import torch
@@ -77,7 +76,7 @@ class WorldSimulator(Simulator):
             )
         if not len(grasps):
             return ()
-        bench = self._bench_of(hand.hand, obj, protocol)
+        bench = self._taken_bench(hand.hand, obj, protocol)
         facts = _Facts(
             protocol,
             bench.free_displacement,
@@ -89,31 +88,50 @@ class WorldSimulator(Simulator):
         verdicts = []
         for index, start in enumerate(_starts(grasps)):
             began = time.perf_counter()
-            trials = self._trials_of(bench, start, depths[index])
+            trials = self._trials_of(bench, obj, start, depths[index])
             verdicts.append(_verdict(trials, facts, depths[index], began))
             if progress is not None:
                 progress(index + 1, len(grasps))
+        self._bench = bench
         return tuple(verdicts)
 
-    def _bench_of(self, hand: Hand, obj: ObjectModel, protocol: Protocol) -> _Bench:
-        """The bench of the call before, if it is for the same; shapes are cooked once."""
-        if self._bench is None or not self._bench.serves(hand, obj, protocol):
-            self._bench = _Bench(self.build_world, hand, obj, protocol)
-        return self._bench
+    def _taken_bench(self, hand: Hand, obj: ObjectModel, protocol: Protocol) -> _Bench:
+        """The bench of the call before, if that was for the same; shapes are cooked once.
 
-    def _trials_of(self, bench: _Bench, start: TrialStart, depth_mm: float) -> list[Trial]:
+        It is put back at the end of a call: what was interrupted is not used again.
+        """
+        bench, self._bench = self._bench, None
+        if bench is not None and bench.serves(hand, obj, protocol):
+            return bench
+        del bench  # two worlds need not fit into memory
+        world = self.build_world(hand, obj, protocol)
+        alone = free_displacement(world, protocol, obj.table)
+        return _Bench(hand, ref(obj), protocol, world, alone)
+
+    def _trials_of(
+        self, bench: _Bench, obj: ObjectModel, start: TrialStart, depth_mm: float
+    ) -> list[Trial]:
         """The trials of one grasp: all of them, or as many as decide it."""
         limit = bench.protocol.start.max_initial_penetration_m
         shifts, trials = _shifts(bench.protocol), list[Trial]()
         if limit is not None and depth_mm > 1000.0 * limit:
             # shifts by fractions of a millimetre change nothing of it
-            first = bench.run(start, self._until(trials), "penetrating")
+            first = self._trial(bench, obj, start, self._until(trials), "penetrating")
             return [first] * (len(shifts) if self._trials == "all" else _least_failing(len(shifts)))
         for shift in shifts:
-            trials.append(bench.run(start.shifted(shift), self._until(trials)))
+            trials.append(self._trial(bench, obj, start.shifted(shift), self._until(trials)))
             if self._trials == "decisive" and _decided(trials, len(shifts)):
                 break
         return trials
+
+    def _trial(
+        self, bench: _Bench, obj: ObjectModel, start: TrialStart, until: Until, failure: str = ""
+    ) -> Trial:
+        """One trial; see ``run_trial``."""
+        trial = run_trial(bench.world, bench.protocol, start, until, obj.table, failure)
+        if trial.diverged:  # NaN stays in a world
+            bench.world = self.build_world(bench.hand, obj, bench.protocol)
+        return trial
 
     def _until(self, before: list[Trial]) -> Until:
         """How long the trial after these must run: the first that fails names the failure."""
@@ -122,36 +140,23 @@ class WorldSimulator(Simulator):
         return "failed" if any(trial.failure for trial in before) else "named"
 
 
+@dataclass
 class _Bench:
-    """Runs trials of one hand and object in a world that is built anew when it breaks."""
+    """The world in which trials of one hand and object take place; it keeps no object alive.
 
-    def __init__(
-        self,
-        build_world: Callable[[Hand, ObjectModel, Protocol], GraspWorld],
-        hand: Hand,
-        obj: ObjectModel,
-        protocol: Protocol,
-    ) -> None:
-        self.protocol = protocol
-        self._hand, self._obj = hand, obj
-        self._build = lambda: build_world(hand, obj, protocol)
-        self._world = self._build()
+    Attributes:
+        free_displacement: of the object without a hand, metres.
+    """
+
+    hand: Hand
+    obj: ref[ObjectModel]
+    protocol: Protocol
+    world: GraspWorld
+    free_displacement: float
 
     def serves(self, hand: Hand, obj: ObjectModel, protocol: Protocol) -> bool:
         """Whether it is for these."""
-        return hand is self._hand and obj is self._obj and protocol == self.protocol
-
-    @cached_property
-    def free_displacement(self) -> float:
-        """Of the object without a hand, metres."""
-        return free_displacement(self._world, self.protocol, self._obj.table)
-
-    def run(self, start: TrialStart, until: Until, failure: str = "") -> Trial:
-        """One trial; see ``run_trial``."""
-        trial = run_trial(self._world, self.protocol, start, until, self._obj.table, failure)
-        if trial.diverged:
-            self._world = self._build()  # NaN stays in a world
-        return trial
+        return hand is self.hand and obj is self.obj() and protocol == self.protocol
 
 
 @dataclass(frozen=True)

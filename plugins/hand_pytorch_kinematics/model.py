@@ -8,12 +8,12 @@ from torch import Tensor
 
 from gdg.hands.hand import Hand
 from gdg.kinds.hand_model import HandModel
-from gdg.late_imports import late
+from gdg.late_imports import import_without
 
 from .options import PytorchKinematicsOptions
 
-with late("matplotlib", "pyplot", "cm"):  # for plots of its inverse kinematics
-    import pytorch_kinematics as pk
+#: Its inverse kinematics imports matplotlib, for plots.
+pk = import_without("pytorch_kinematics", "matplotlib", "pyplot", "cm")
 
 
 class PytorchKinematicsHand(HandModel):

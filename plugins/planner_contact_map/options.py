@@ -18,7 +18,8 @@ class ContactMapOptions(Options):
 
     Attributes:
         maps: contact maps generated per grasp asked for; the grasps of the best are kept. The
-            paper makes one. Below 1, several fits to a map are kept, which takes spread.
+            paper makes one. Below 1, several fits to a map are kept, which takes spread, and at
+            least 1/maps fits to each (fitter.keep).
         close: flex fingers that the fit left off the object until they touch it.
         rank: the energy by which one of the fits to each map is kept and grasps are sorted.
             ``energy``: the fit's (paper); only what is kept is closed then; ``stability``: the

@@ -14,7 +14,7 @@ from .world import MujocoWorld
 
 
 class MujocoSimulator(WorldSimulator):
-    """MuJoCo: no GPU, no display, one compiled scene for all grasps of a call.
+    """MuJoCo: no GPU, no display, one compiled scene for all grasps of a pair.
 
     Hand, drives, shapes, mass and friction are those of the PhysX simulator. What differs:
 

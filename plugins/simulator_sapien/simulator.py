@@ -13,7 +13,7 @@ from .scene import GraspScene
 
 
 class SapienSimulator(WorldSimulator):
-    """PhysX through SAPIEN: no GPU, no display, one scene for all grasps of a call.
+    """PhysX through SAPIEN: no GPU, no display, one scene for all grasps of a pair.
 
     The hand's root is fixed; every moving joint, mimic and passive ones included, is held by a
     drive whose target follows from the actuated joints. Links of the hand don't collide with each

@@ -12,11 +12,13 @@ import torch
 from training_samples import some_grasps
 
 from gdg.components import Options
+from gdg.config import compose
 from gdg.data.grasps import GraspSet, load_grasps
 from gdg.errors import GdgError
 from gdg.pipeline.grasp import run_grasp
-from gdg.pipeline.jobs import GraspJob
+from gdg.pipeline.jobs import DEFAULTS, GraspJob
 from gdg.pipeline.verified import BATCH, Batch, for_verdicts, verified_grasps
+from gdg.registry import get_registry
 from gdg.report.table import summary_line
 
 PLAIN = ("object=cube_small", "picture=false", "report=false", "verified=true")
@@ -83,6 +85,23 @@ def test_trials_that_cannot_change_the_verdict_are_left_out_unless_asked_for(con
     assert for_verdicts(config()).components["simulator"].options.trials == "decisive"
     told = for_verdicts(config("simulator.trials=all"))
     assert told.components["simulator"].options.trials == "all"
+
+
+@pytest.mark.parametrize(
+    ("key", "values"),
+    [
+        ("planner", {"maps": 1.0}),
+        ("fitter", {"particles": 64, "first_points": 64, "last_points": 512}),
+        ("simulator", {"trials": "decisive"}),
+    ],
+)
+def test_the_usual_components_propose_more_in_the_same_time(key: str, values: dict[str, object]):
+    (usual,) = compose(GraspJob, get_registry(), DEFAULTS, (), ["hand=barrett", "object=apple"])
+    before, after = (
+        one.components[key].options.model_dump() for one in (usual, for_verdicts(usual))
+    )
+    assert {name: after[name] for name in values} == values
+    assert {name for name in after if after[name] != before[name]} == set(values)
 
 
 def test_workers_change_nothing_but_the_time(config):

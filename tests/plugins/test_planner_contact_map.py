@@ -13,11 +13,15 @@ from gdg_plugins.planner_contact_map.options import ContactMapOptions
 from gdg_plugins.planner_contact_map.planner import ContactMapPlanner
 
 from gdg.components import NoOptions
+from gdg.config import compose
 from gdg.data.contact_map import ContactMap
 from gdg.data.grasps import GraspSet
+from gdg.errors import GdgError
 from gdg.kinds.fitter import Fitter, Progress
 from gdg.kinds.hand_model import HandModel
 from gdg.objects.model import ObjectModel
+from gdg.pipeline.jobs import DEFAULTS as DEFAULT_COMPONENTS
+from gdg.pipeline.jobs import GraspJob
 from gdg.registry import get_registry
 from gdg.testing.fixtures import HALF_CUBE_M, StandInGenerator, jaw_grasps
 from gdg.testing.gripper import OPEN_M
@@ -131,8 +135,10 @@ def test_of_fewer_maps_than_grasps_several_fits_to_a_map_are_kept(
 
 @pytest.mark.parametrize("words", [{"rank": "energy"}, {"spread": 0}])
 def test_a_grasp_of_each_map_asks_for_a_map_per_grasp(words: dict[str, Any]):
-    with pytest.raises(ValueError, match="maps below 1 need rank=stability and spread > 0"):
-        ContactMapOptions(maps=0.5, **words)
+    given = [f"planner.{name}={value}" for name, value in {"maps": 0.5, **words}.items()]
+    needs = r"^planner: maps below 1 need rank=stability and spread > 0\.$"
+    with pytest.raises(GdgError, match=needs):
+        compose(GraspJob, get_registry(), DEFAULT_COMPONENTS, (), ["hand=a", "object=b", *given])
 
 
 def test_grasps_that_hold_and_differ_go_before_those_that_are_alike_or_fail():

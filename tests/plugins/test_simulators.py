@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from dataclasses import replace
 from pathlib import Path
+from weakref import ref
 
 import numpy as np
 import pytest
@@ -160,13 +161,59 @@ def test_shapes_are_cooked_once_for_all_calls_that_are_alike(
 
     monkeypatch.setattr(simulator, "build_world", counted)
     plain, other = protocol_of("dro-2024", shifts=0), protocol_of("gendexgrasp-2022", shifts=0)
-    grasps = grasp_of(cube)
-    first, again, differently, alone = (
-        replace(simulator.simulate(gripper_model, cube, grasps, protocol)[0], seconds=0.0)
-        for protocol in (plain, plain, other, plain)
-    )
+    firm, off = grasp_of(cube), grasp_of(cube, shift=0.005)
+
+    def judged(grasps: GraspSet, protocol: Protocol) -> Verdict:
+        return replace(simulator.simulate(gripper_model, cube, grasps, protocol)[0], seconds=0.0)
+
+    first = judged(firm, plain)
+    assert judged(off, plain) != first
+    assert judged(firm, plain) == first
+    assert cooked == [plain]
+    judged(firm, other)
+    assert judged(firm, plain) == first
     assert cooked == [plain, other, plain]
-    assert first == again == alone != differently
+
+
+def test_a_world_that_broke_or_was_interrupted_is_not_used_again(
+    engine: Engine, gripper_model: HandModel, cube: ObjectModel, monkeypatch: pytest.MonkeyPatch
+):
+    simulator, protocol = engine.simulator(), protocol_of("dro-2024", shifts=0)
+    worlds: list[GraspWorld] = []
+    build = simulator.build_world
+
+    def kept(hand: Hand, obj: ObjectModel, protocol: Protocol) -> GraspWorld:
+        worlds.append(build(hand, obj, protocol))
+        return worlds[-1]
+
+    monkeypatch.setattr(simulator, "build_world", kept)
+
+    def judged() -> Verdict:
+        (verdict,) = simulator.simulate(gripper_model, cube, grasp_of(cube), protocol)
+        return verdict
+
+    def interrupted(*args: object) -> None:
+        raise KeyboardInterrupt
+
+    assert judged().success
+    monkeypatch.setattr(worlds[0], "step", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        judged()
+    assert judged().success
+    assert len(worlds) == 2
+    lost = replace(worlds[1].object_state(), center=np.full(3, np.nan))
+    monkeypatch.setattr(worlds[1], "object_state", lambda: lost)
+    assert judged().failure == "diverged"
+    assert judged().success
+    assert len(worlds) == 3
+
+
+def test_a_kept_world_keeps_no_object_alive(engine: Engine, gripper_model: HandModel):
+    simulator, obj = engine.simulator(), find_object("cube_small")
+    gone = ref(obj)
+    simulator.simulate(gripper_model, obj, grasp_of(obj), protocol_of("dro-2024", shifts=0))
+    del obj
+    assert gone() is None
 
 
 def test_a_table_carries_the_object_and_follows_it_down(

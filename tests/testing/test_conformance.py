@@ -6,6 +6,7 @@ import sys
 import types
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import pytest
@@ -132,18 +133,37 @@ class LaxOptions(Options):
     model_config = ConfigDict(extra="allow", frozen=False)
 
 
-def test_options_that_let_typos_pass_are_caught(register: Callable[[str, type], dict[str, Any]]):
+class MistypedOptions(Options):
+    for_verified = MappingProxyType({"trails": "decisive"})
+    trials: str = "all"
+
+
+@pytest.mark.parametrize(
+    ("options", "sentences"),
+    [
+        (LaxOptions, ("must refuse unknown options", "must be frozen")),
+        (
+            MistypedOptions,
+            ("for_verified: trails: there is no such option. Did you mean 'trials'",),
+        ),
+    ],
+)
+def test_bad_options_models_are_caught(
+    options: type[Options],
+    sentences: tuple[str, ...],
+    register: Callable[[str, type], dict[str, Any]],
+):
     class Lax(EuclideanDistance):
         pass
 
-    OPTIONS[Lax] = (LaxOptions, (), {})
+    OPTIONS[Lax] = (options, (), {})
     try:
         register("distance", Lax)
     finally:
         del OPTIONS[Lax]
-    refuse, freeze = check_component("distance", "sabotaged")
-    assert "must refuse unknown options" in refuse
-    assert "must be frozen" in freeze
+    problems = check_component("distance", "sabotaged")
+    for problem, sentence in zip(problems, sentences, strict=True):
+        assert sentence in problem
 
 
 def test_an_unknown_name_and_a_wrong_option_are_problems():
