@@ -52,11 +52,11 @@ def component_case(
     """
     record = get_registry().find(kind, name)
     raise_if_any(list(_lax_options(record)))
-    validated(record.options, {**options, **record.options.for_verified}, "for_verified")
     if kind == "hand-model":
         made: Any = hand_model.Maker(record.load(), _options(record, options))
     else:
         made = _Parts(uses).build(record, options)
+    validated(record.options, {**options, **record.options.for_verified}, "for_verified")
     return KITS[kind][0](made)
 
 
