@@ -62,6 +62,10 @@ CURVES: tuple[tuple[str, str, tuple[str, ...], str, tuple[int, ...]], ...] = (
 )
 
 
+#: Label of a curve -> (value of its last setting, seconds per map, energy) per point.
+Curves = dict[str, list[tuple[int, float, float]]]
+
+
 @dataclass(frozen=True)
 class Setting:
     """A fit to be measured.
@@ -113,27 +117,27 @@ def main() -> None:
     parser.add_argument("--write", action="store_true", help="put the tables into the page")
     given = parser.parse_args()
     rounds = 1 if given.quick else 2
-    commands = commands_table()  # first: a process that this one starts inherits its peak of memory
-    curves = quality()
-    text = "\n\n".join(
-        (
-            f"{hardware('cpu')}; {time.strftime('%Y-%m-%d')}.",
-            "### The search for the nearest hand points",
-            search_table(given.quick),
-            "### Fits",
-            scaling_table(rounds),
-            cores_table(rounds),
-            "### Quality against time",
-            quality_table(curves),
-            "### Where the time of a grasp goes",
-            stages_table(8 if given.quick else 16),
-            "### From the shell",
-            commands,
-        )
-    )
-    print(text)
+    curves: Curves = {}
+
+    def quality_part() -> str:
+        curves.update(quality())
+        return quality_table(curves)
+
+    parts: dict[str, Callable[[], str]] = {
+        # first, since a process begins with the peak of memory of the one that starts it
+        "### From the shell": commands_table,
+        "### Fits": lambda: f"{scaling_table(rounds)}\n\n{cores_table(rounds)}",
+        "### Quality against time": quality_part,
+        "### Where the time of a grasp goes": lambda: stages_table(8 if given.quick else 16),
+        "### The search for the nearest hand points": lambda: search_table(given.quick),
+    }
+    texts = [f"{hardware('cpu')}; {time.strftime('%Y-%m-%d')}."]
+    print(texts[0])
+    for title, measured in parts.items():
+        texts += [title, measured()]
+        print("", *texts[-2:], sep="\n\n", flush=True)
     if given.write:
-        write_tables(PAGE, text)
+        write_tables(PAGE, "\n\n".join(texts))
         draw(curves)
 
 
@@ -281,9 +285,6 @@ def memory_mb(name: str) -> float:
 
 
 # -- quality -----------------------------------------------------------------------------------
-
-#: Label of a curve -> (value of its last setting, seconds per map, energy) per point.
-Curves = dict[str, list[tuple[int, float, float]]]
 
 
 def quality() -> Curves:
