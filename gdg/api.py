@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from gdg.config import JobConfig, RunConfig, compose
 from gdg.errors import GdgError
 from gdg.objects.splits import expand_split
-from gdg.pipeline.jobs import DEFAULTS, EvalJob, PairJob
+from gdg.pipeline.jobs import DEFAULTS, EvalJob, GraspJob, PairJob
 from gdg.registry import get_registry
 from gdg.yaml_files import dump_yaml
 
@@ -24,9 +24,13 @@ def grasp(
     *,
     settings: Sequence[str] = (),
     simulate: bool = True,
+    verified: bool = False,
     **job: Any,
 ) -> GraspSet:
     """Plans ``n`` grasps of one object with one hand, and tests them in simulation.
+
+    With ``verified`` in several processes: a script needs ``if __name__ == "__main__":`` around
+    what calls it, as Python's multiprocessing does, or ``workers=1``.
 
     Args:
         hand: name or folder of the hand.
@@ -34,7 +38,9 @@ def grasp(
         n: how many grasps.
         settings: ``key=value`` words as on the command line, e.g. ``["fitter.particles=64"]``.
         simulate: test the grasps; without it they carry no verdicts.
-        **job: further fields of ``gdg.pipeline.jobs.PairJob``: seed, device, protocol, ….
+        verified: go on until ``n`` grasps pass the test, and give these alone.
+        **job: further fields of ``gdg.pipeline.jobs.PairJob``: seed, device, protocol, …; with
+            ``verified`` of ``GraspJob``: workers, most_proposed.
 
     Returns:
         At most ``n`` grasps, best first, with metrics and contacts (``gdg.quality``); poses in the
@@ -43,9 +49,16 @@ def grasp(
     Raises:
         GdgError: anything given that is missing, malformed or unknown.
     """
-    configs = _configs(PairJob, {"hand": hand, "object": object, "n": n, **job}, settings)
+    model, tested = PairJob, {}
+    if verified:
+        model, tested = GraspJob, {"verified": True, "simulate": simulate}
+    configs = _configs(model, {"hand": hand, "object": object, "n": n, **tested, **job}, settings)
     if len(configs) > 1:
         raise GdgError("grasp() runs one setting, but commas gave several; use evaluate().")
+    if verified:
+        from gdg.pipeline.verified import verified_grasps
+
+        return verified_grasps(configs[0])
     from gdg.pipeline.pair import Pair, generator_for
 
     pair = Pair.load(configs[0])

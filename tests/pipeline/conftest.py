@@ -66,6 +66,12 @@ def hand_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
+def quick() -> tuple[str, ...]:
+    """Words that make planning quick, whatever becomes of the grasps."""
+    return QUICK
+
+
+@pytest.fixture
 def configs(hand_folder: Path) -> Callable[..., list[RunConfig]]:
     """Configs of a job for the gripper from words; ``files`` as of ``-c``."""
 

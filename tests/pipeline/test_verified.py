@@ -11,6 +11,7 @@ import pytest
 import torch
 from training_samples import some_grasps
 
+import gdg
 from gdg.components import Options
 from gdg.config import compose
 from gdg.data.grasps import GraspSet, load_grasps
@@ -40,6 +41,14 @@ def test_it_goes_on_until_n_have_passed_and_gives_these_alone(config, calls, tmp
     assert (told["proposed"], told["tested"], told["passed"]) == (12, 12, 6)
     assert sum(told["failed"].values()) == 6
     assert "6/12 proposed grasps passed" in summary_line(run.grasps)
+
+
+def test_python_code_gets_them_too(hand_folder: Path, quick: tuple[str, ...], calls):
+    hand = str(hand_folder)
+    grasps = gdg.grasp(hand, "cube_small", 3, settings=quick, verified=True, workers=1)
+    assert [verdict.success for verdict in grasps.verdicts] == [True] * 3
+    with pytest.raises(GdgError, match="needs the simulation"):
+        gdg.grasp(hand, "cube_small", 3, settings=quick, verified=True, simulate=False)
 
 
 def test_what_passed_before_an_interruption_is_kept(config, calls, tmp_path: Path):
