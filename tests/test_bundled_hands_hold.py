@@ -9,7 +9,7 @@ from gdg.folders import HANDS
 
 BUNDLED = tuple(name for name, found in HANDS.all().items() if found.tier == "bundled")
 #: Enough grasps that one holds, few enough particles that the suite stays quick.
-GRASPS, QUICK = 2, ["fitter.particles=8"]
+GRASPS, QUICK = 2, ["fitter.particles=8", "simulator.trials=decisive"]
 
 
 @pytest.mark.parametrize("thing", ["baseball", "foam_brick"])

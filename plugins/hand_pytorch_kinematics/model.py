@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -12,8 +14,10 @@ from gdg.late_imports import import_without
 
 from .options import PytorchKinematicsOptions
 
-#: Its inverse kinematics imports matplotlib, for plots.
-pk = import_without("pytorch_kinematics", "matplotlib", "pyplot", "cm")
+if TYPE_CHECKING:
+    import pytorch_kinematics as pk
+else:  # its inverse kinematics imports matplotlib, for plots
+    pk = import_without("pytorch_kinematics", "matplotlib", "pyplot", "cm")
 
 
 class PytorchKinematicsHand(HandModel):
