@@ -19,7 +19,7 @@ from typing import Any, TypeVar
 import numpy as np
 import torch
 
-#: Rows of a batch that are worth a thread: handing them over takes some 50 µs, and passes that the
+#: Rows of a batch that are worth a thread: handing them over takes some 20 µs, and passes that the
 #: fit spends its time in some 10 µs per row.
 LEAST_ROWS = 16
 

@@ -368,7 +368,7 @@ def stages_table(count: int) -> str:
 
 # -- commands ----------------------------------------------------------------------------------
 
-#: What is measured from the shell: ``gdg grasp`` with these words, one grasp after the other row.
+#: Words of the ``gdg grasp`` commands that are measured.
 COMMANDS = (
     "n=1",
     "n=1 planner.maps=1",

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -29,7 +28,7 @@ class SimulatorOptions(Options):
             forces are those of the drives, whatever the number of iterations.
     """
 
-    for_verified: ClassVar[Mapping[str, Any]] = MappingProxyType({"trials": "decisive"})
+    for_verified = MappingProxyType({"trials": "decisive"})
     trials: Literal["all", "decisive"] = "all"
     force_limits: bool = True
     armature: Annotated[float, Field(ge=0, le=1)] = 1e-3

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Annotated, Any, ClassVar
+from typing import Annotated
 
 from pydantic import Field
 
@@ -33,9 +32,7 @@ class HalvingOptions(FitOptions):
         last_learning_rate: in the last round.
     """
 
-    for_verified: ClassVar[Mapping[str, Any]] = MappingProxyType(
-        {"particles": 64, "first_points": 64, "last_points": 512}
-    )
+    for_verified = MappingProxyType({"particles": 64, "first_points": 64, "last_points": 512})
     rounds: Annotated[int, Field(ge=2, le=20)] = 3
     steps: Steps = 100
     particles: Count = 128

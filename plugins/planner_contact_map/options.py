@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -31,7 +30,7 @@ class ContactMapOptions(Options):
             costs nothing when ranking by ``stability``.
     """
 
-    for_verified: ClassVar[Mapping[str, Any]] = MappingProxyType({"maps": 1.0})
+    for_verified = MappingProxyType({"maps": 1.0})
     maps: Annotated[float, Field(gt=0, le=100)] = 4.0
     close: bool = True
     rank: Literal["energy", "stability"] = "stability"

@@ -55,12 +55,19 @@ class OpenFits(Fitter):
         )
 
 
-def planned(hand: HandModel, obj: ObjectModel, count: int, close: bool, **options: Any) -> GraspSet:
+def planned(
+    hand: HandModel,
+    obj: ObjectModel,
+    count: int,
+    close: bool,
+    fitter: type[Fitter] = OpenFits,
+    **options: Any,
+) -> GraspSet:
     distance = EuclideanDistance(NoOptions())
     planner = ContactMapPlanner(
         ContactMapOptions(close=close, **{"maps": 1, **options}),
         generator=StandInGenerator(distance),
-        fitter=OpenFits(NoOptions(), distance=distance),
+        fitter=fitter(NoOptions(), distance=distance),
     )
     return planner.plan(hand, obj, count, torch.Generator().manual_seed(0))
 
@@ -107,13 +114,7 @@ class SeveralFits(OpenFits):
 def test_one_fit_of_each_map_is_kept(
     rank: str, squeezed: float, gripper_model: HandModel, cube: ObjectModel
 ):
-    distance = EuclideanDistance(NoOptions())
-    planner = ContactMapPlanner(
-        ContactMapOptions(close=False, rank=rank, spread=0),
-        generator=StandInGenerator(distance),
-        fitter=SeveralFits(NoOptions(), distance=distance),
-    )
-    grasps = planner.plan(gripper_model, cube, 2, torch.Generator().manual_seed(0))
+    grasps = planned(gripper_model, cube, 2, False, SeveralFits, rank=rank, spread=0, maps=4)
     held = OPEN_M - HALF_CUBE_M
     torch.testing.assert_close(
         grasps.joints, torch.full((2, 1), held + squeezed), rtol=0, atol=1e-6
@@ -123,13 +124,7 @@ def test_one_fit_of_each_map_is_kept(
 def test_of_fewer_maps_than_grasps_several_fits_to_a_map_are_kept(
     gripper_model: HandModel, cube: ObjectModel
 ):
-    distance = EuclideanDistance(NoOptions())
-    planner = ContactMapPlanner(
-        ContactMapOptions(close=False, maps=0.5),
-        generator=StandInGenerator(distance),
-        fitter=SeveralFits(NoOptions(), distance=distance),
-    )
-    grasps = planner.plan(gripper_model, cube, 4, torch.Generator().manual_seed(0))
+    grasps = planned(gripper_model, cube, 4, False, SeveralFits, maps=0.5)
     assert len(grasps) == 4  # of two maps with three fits each
 
 
@@ -172,13 +167,7 @@ def test_what_the_energy_does_not_choose_is_not_closed(
         return q
 
     monkeypatch.setattr(planner_module, "close_until_touch", close)
-    distance = EuclideanDistance(NoOptions())
-    planner = ContactMapPlanner(
-        ContactMapOptions(rank=rank, maps=1),
-        generator=StandInGenerator(distance),
-        fitter=SeveralFits(NoOptions(), distance=distance),
-    )
-    grasps = planner.plan(gripper_model, cube, 2, torch.Generator().manual_seed(0))
+    grasps = planned(gripper_model, cube, 2, True, SeveralFits, rank=rank)
     assert (len(grasps), seen) == (2, [closed])
     assert set(grasps.provenance["seconds"]) == {"generate", "fit", "close", "rank"}
 
