@@ -8,7 +8,9 @@ from pathlib import Path
 import click
 
 from gdg.cli.settings import configs_from, single, takes_settings
+from gdg.config import RunConfig
 from gdg.pipeline.jobs import DEFAULTS, GraspJob
+from gdg.pipeline.judges import Judges
 
 
 @click.command()
@@ -17,13 +19,18 @@ def grasp(settings: tuple[str, ...], files: tuple[Path, ...]) -> None:
     """Plan grasps of one object with one hand, test them in simulation, draw them.
 
     With verified=true it goes on until n grasps pass the test, and gives these alone. More is
-    proposed in the same time then: fits are quicker, and trials that cannot change a verdict are
-    left out, unless settings say otherwise.
+    proposed in the same time then: each grasp is fitted to one contact map, and trials that cannot
+    change a verdict are left out, unless settings say otherwise.
 
     Writes grasps.json (named joints, 4x4 poses, verdicts), config.yaml, grasps.png and
     report.html into the run folder.
     """
     config = single(configs_from(GraspJob, DEFAULTS, files, settings))
+    with Judges.of_job(config) as judges:
+        _grasp(config, judges)
+
+
+def _grasp(config: RunConfig, judges: Judges) -> None:
     from rich.console import Console
 
     from gdg.cli.progress import BarStages, bars
@@ -32,7 +39,7 @@ def grasp(settings: tuple[str, ...], files: tuple[Path, ...]) -> None:
     from gdg.report.table import summary_line, verdict_table
 
     with bars() as progress:
-        run = run_grasp(config, BarStages(progress))
+        run = run_grasp(config, BarStages(progress), judges)
     console = Console()
     if len(run.grasps) == 0:
         told = run.grasps.provenance

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import os
-import pickle
 import signal
 import threading
 from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
-from multiprocessing import get_context, parent_process
-from multiprocessing.connection import Connection, wait
-from multiprocessing.process import BaseProcess
+from multiprocessing.connection import wait
 from typing import Any
 
-from gdg.engine.answer import answer
 from gdg.engine.base import Outcome, Result, Task
 from gdg.engine.pool import News, Worker, WorkerPool, one, timed_out
+from gdg.engine.process import ProcessEnded, WorkerProcess
 from gdg.engine.threads import limit_threads, usable_cores
 
 
@@ -75,90 +71,31 @@ class LocalEngine(WorkerPool):
         return self.workers
 
     def _start(self) -> Worker:
-        context = get_context("spawn")
-        ours, theirs = context.Pipe()
-        process = context.Process(target=_serve, args=(theirs, self._threads), daemon=True)
-        with _no_interrupt():
-            process.start()
-        theirs.close()  # so that ours ends when the worker does
-        return _LocalWorker(process=process, connection=ours)
+        return _LocalWorker(process=WorkerProcess(self._threads))
 
     def _send(self, worker: Worker, function: Callable[[Any], Any], task: Any) -> None:
         assert isinstance(worker, _LocalWorker)
-        data = pickle.dumps((function, task))
-        with suppress(OSError):  # it died: the end of its connection says so
-            worker.connection.send_bytes(data)
+        worker.process.send(function, task)
 
     def _wait(self, workers: Sequence[Worker], seconds: float) -> list[News]:
-        by_connection = {w.connection: w for w in workers if isinstance(w, _LocalWorker)}
+        by_connection = {w.process.connection: w for w in workers if isinstance(w, _LocalWorker)}
         news = []
         for connection in wait(list(by_connection), seconds):
-            assert isinstance(connection, Connection)
-            worker = by_connection[connection]
+            worker = by_connection[connection]  # type: ignore[index]
             try:
-                news.append(News(worker, connection.recv_bytes()))
-            except (EOFError, OSError):
-                worker.process.join()
-                news.append(News(worker, None, _end_of(worker.process.exitcode)))
+                news.append(News(worker, worker.process.receive()))
+            except ProcessEnded as ended:
+                news.append(News(worker, None, str(ended)))
         return news
 
     def _kill(self, worker: Worker) -> None:
         assert isinstance(worker, _LocalWorker)
         worker.process.kill()
-        worker.process.join()
-        worker.connection.close()
 
 
 @dataclass(eq=False)
 class _LocalWorker(Worker):
-    process: BaseProcess = None  # type: ignore[assignment]
-    connection: Connection = None  # type: ignore[assignment]
-
-
-def _serve(connection: Connection, threads: int) -> None:
-    """The life of a worker process."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent stops its workers itself
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-    limit_threads(threads)
-    connection.send_bytes(b"")
-    while True:
-        try:
-            function, task = pickle.loads(connection.recv_bytes())
-            connection.send_bytes(answer(function, task))
-        except (EOFError, OSError):
-            return  # the parent is gone
-
-
-def _end_with_parent() -> None:
-    """Ends this process at once when its parent is gone, whatever it computes."""
-    parent = parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
-
-
-def _end_of(code: int | None) -> str:
-    """How a process ended, in words."""
-    if code is not None and code < 0:
-        try:
-            return signal.Signals(-code).name
-        except ValueError:
-            return f"signal {-code}"
-    return f"exit code {code}"
-
-
-@contextmanager
-def _no_interrupt() -> Iterator[None]:
-    """Holds Ctrl-C back from this thread, and from processes that are started meanwhile."""
-    mask = getattr(signal, "pthread_sigmask", None)
-    if mask is None:
-        yield
-        return
-    before = mask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        mask(signal.SIG_SETMASK, before)
+    process: WorkerProcess = None  # type: ignore[assignment]
 
 
 class _Alarm(BaseException):

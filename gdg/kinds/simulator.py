@@ -23,6 +23,11 @@ class Simulator(ABC):
     def __init__(self, options: Options):
         self.options = options
 
+    def get_ready(  # noqa: B027 a simulator may leave it as it is
+        self, hand: HandModel, obj: ObjectModel, protocol: Protocol
+    ) -> None:
+        """Does ahead what the first grasps of a pair would wait for; by default nothing."""
+
     @abstractmethod
     def simulate(
         self,

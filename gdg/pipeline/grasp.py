@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from gdg.config import RunConfig
 from gdg.data.atomic import write_text_atomically
 from gdg.data.grasps import GraspSet
 from gdg.kinds.fitter import Progress
+from gdg.kinds.simulator import Simulator
 from gdg.pipeline.jobs import GraspJob
+from gdg.pipeline.judges import Judges
 from gdg.pipeline.pair import Pair, generator_for
+from gdg.pipeline.shared_simulator import SharedSimulator
 from gdg.pipeline.verified import for_verdicts, verified_grasps
 from gdg.yaml_files import dump_yaml
+
+if TYPE_CHECKING:
+    from gdg.report.contact_sheet import Views
+    from gdg.report.scene import Scene
 
 PICTURES = ("grasps.png", "report.html")
 #: What a run writes into its folder, in this order.
@@ -43,11 +53,18 @@ class Stages:
         return lambda done, total: None
 
 
-def run_grasp(config: RunConfig, stages: Stages | None = None) -> GraspRun:
+def run_grasp(
+    config: RunConfig, stages: Stages | None = None, judges: Judges | None = None
+) -> GraspRun:
     """Plans, simulates and reports; every file is complete as soon as it exists.
 
     ``grasps.json`` is written after planning and again with the verdicts, or whenever further
     grasps are verified, so that an interrupted run keeps what it had.
+
+    Args:
+        config: of a ``GraspJob``.
+        stages: told of the progress.
+        judges: processes that help with the test.
     """
     stages = stages or Stages()
     job: GraspJob = config.job
@@ -64,6 +81,7 @@ def run_grasp(config: RunConfig, stages: Stages | None = None) -> GraspRun:
         grasps.save(folder / "grasps.json")
         write_text_atomically(folder / "config.yaml", config_text)
 
+    drawing = _Drawing(pair, stages)
     if job.verified:
         grasps = verified_grasps(config, store, stages.stage("verified grasps"))
         store(grasps)
@@ -72,21 +90,53 @@ def run_grasp(config: RunConfig, stages: Stages | None = None) -> GraspRun:
         grasps = pair.measured(planned)
         store(grasps)
         if job.simulate and len(grasps):
-            grasps = pair.simulate(grasps, stages.stage("simulating"))
+            simulator: Simulator = pair.components.get("simulator")
+            if judges:
+                simulator = SharedSimulator(simulator, judges, partial(drawing.ahead, grasps))
+            grasps = pair.simulate(grasps, stages.stage("simulating"), simulator)
             store(grasps)
-    _draw(pair, grasps, folder, config_text, stages)
+    drawing.write(grasps, folder, config_text)
     return GraspRun(grasps, folder)
 
 
-def _draw(pair: Pair, grasps: GraspSet, folder: Path, config_text: str, stages: Stages) -> None:
-    job: GraspJob = pair.config.job
-    if job.picture:
-        from gdg.report.contact_sheet import contact_sheet  # heavy: pulls in VTK
+class _Drawing:
+    """The pictures of a run."""
 
-        stages.stage("drawing")(0, 1)
-        shown = grasps.select(range(min(MAX_PICTURED, len(grasps))))
-        contact_sheet(pair.hand, pair.obj, shown, folder / "grasps.png")
-    if job.report:
-        from gdg.report.html import html_report
+    def __init__(self, pair: Pair, stages: Stages):
+        self._pair, self._stages = pair, stages
+        self._views: Views | None = None
+        self._scene: Scene | None = None
 
-        html_report(pair.hand, pair.obj, grasps, folder / "report.html", config_text)
+    def ahead(self, grasps: GraspSet) -> None:
+        """Draws what shows no verdict. What goes wrong is left to ``write``, after the test."""
+        with suppress(Exception):
+            self._draw(grasps)
+
+    def _draw(self, grasps: GraspSet) -> None:
+        job: GraspJob = self._pair.config.job
+        if job.picture and self._views is None:
+            from gdg.report.contact_sheet import grasp_views  # heavy: pulls in VTK
+
+            self._stages.stage("drawing")(0, 1)
+            self._views = grasp_views(self._pair.hand, self._pair.obj, _pictured(grasps))
+        if job.report and self._scene is None:
+            from gdg.report.html import report_scene
+
+            self._scene = report_scene(self._pair.hand, self._pair.obj, grasps)
+
+    def write(self, grasps: GraspSet, folder: Path, config_text: str) -> None:
+        """Writes what the job asks for; ``grasps`` are those drawn ahead, if any were."""
+        self._draw(grasps)
+        if self._views is not None:
+            from gdg.report.contact_sheet import write_sheet
+
+            write_sheet(_pictured(grasps), self._views, folder / "grasps.png")
+        if self._scene is not None:
+            from gdg.report.html import html_report
+
+            hand, obj, path = self._pair.hand, self._pair.obj, folder / "report.html"
+            html_report(hand, obj, grasps, path, config_text, scene=self._scene)
+
+
+def _pictured(grasps: GraspSet) -> GraspSet:
+    return grasps.select(range(min(MAX_PICTURED, len(grasps))))

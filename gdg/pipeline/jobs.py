@@ -79,11 +79,10 @@ class GraspJob(PairJob):
         simulate: test the grasps in simulation.
         verified: go on proposing until n grasps pass the test, and give these alone. What words
             and files don't set (a run's config.yaml sets all) is then chosen so that more is
-            proposed in the same time: planner.maps, and fitter.particles, fitter.first_points and
-            fitter.last_points of halving are less, simulator.trials is decisive.
+            proposed in the same time: planner.maps is 1, simulator.trials is decisive.
         most_proposed: with verified=true: give up after so many proposals per grasp asked for.
-        workers: with verified=true: processes that plan and test, 0 for one per core and four
-            grasps asked for; the grasps don't depend on it.
+        workers: processes that test and, with verified=true, plan; 0 for one per core, but few for
+            few grasps. Grasps and verdicts don't depend on it.
         out: run folder; by default ``runs/grasp/HAND-OBJECT-seedN``.
         picture: write the contact sheet ``grasps.png``.
         report: write the interactive ``report.html``.
@@ -101,10 +100,11 @@ class GraspJob(PairJob):
     def _test_to_verify(self) -> GraspJob:
         if self.verified and not self.simulate:
             raise ValueError("verified=true: needs the simulation; leave simulate=false out")
-        fields = type(self).model_fields
-        for name in ("most_proposed", "workers"):
-            if not self.verified and getattr(self, name) != fields[name].default:
-                raise ValueError(f"{name}: does nothing without verified=true")
+        if (
+            not self.verified
+            and self.most_proposed != type(self).model_fields["most_proposed"].default
+        ):
+            raise ValueError("most_proposed: does nothing without verified=true")
         return self
 
 

@@ -17,6 +17,7 @@ from gdg.errors import GdgError
 from gdg.hands.hand import find_hand
 from gdg.kinds.fitter import Progress
 from gdg.kinds.hand_model import HandModel
+from gdg.kinds.simulator import Simulator
 from gdg.objects.model import ObjectModel, find_object
 from gdg.pipeline.jobs import PairJob
 from gdg.protocols import load_protocol
@@ -106,13 +107,24 @@ class Pair:
 
         return measure(self.hand, self.obj, grasps) if len(grasps) else grasps
 
-    def simulate(self, grasps: GraspSet, progress: Progress | None = None) -> GraspSet:
-        """Tests grasps under the job's protocol; the result carries verdicts and drive targets."""
+    def simulate(
+        self,
+        grasps: GraspSet,
+        progress: Progress | None = None,
+        simulator: Simulator | None = None,
+    ) -> GraspSet:
+        """Tests grasps under the job's protocol; the result carries verdicts and drive targets.
+
+        Args:
+            grasps: as planned.
+            progress: called as the simulator advances.
+            simulator: other than the configured one.
+        """
         protocol = load_protocol(self.job.protocol)
         started = time.perf_counter()
-        simulator = self.components.get("simulator")
+        tested_by: Simulator = simulator or self.components.get("simulator")
         found = simulated(
-            simulator, self.hand, self.obj, grasps, protocol, self.job.refine, progress
+            tested_by, self.hand, self.obj, grasps, protocol, self.job.refine, progress
         )
         seconds = {
             **grasps.provenance.get("seconds", {}),

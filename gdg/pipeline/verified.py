@@ -15,7 +15,8 @@ from gdg.engine import make_engine
 from gdg.engine.threads import usable_cores
 from gdg.kinds.fitter import Progress
 from gdg.pipeline.jobs import GraspJob
-from gdg.pipeline.pair import Pair, generator_for
+from gdg.pipeline.kept_pair import forget_pair, kept_pair
+from gdg.pipeline.pair import generator_for
 
 #: Grasps planned and tested at a time: few, so that little is proposed in vain.
 BATCH = 4
@@ -90,7 +91,7 @@ def verified_grasps(
                 if len(done) == job.n:
                     break  # batches that are still running are of no use
     finally:
-        _loaded.clear()
+        forget_pair()
     return done.grasps()
 
 
@@ -103,7 +104,7 @@ def _usual_workers(job: GraspJob) -> int:
 
 def tested_batch(batch: Batch) -> GraspSet:
     """A batch of proposals with their verdicts."""
-    pair = _pair(batch.config)
+    pair = kept_pair(batch.config)
     planned = pair.measured(pair.plan(BATCH, generator_for(batch.seed)))
     return pair.simulate(planned) if len(planned) else planned
 
@@ -167,14 +168,3 @@ def _totals(batches: list[GraspSet]) -> dict[str, Any]:
             "failed": dict(Counter(v.failure for v in verdicts if not v.success)),
         },
     }
-
-
-#: The pair of the run that this process works for.
-_loaded: list[Pair] = []
-
-
-def _pair(config: RunConfig) -> Pair:
-    """The run's hand and object; a worker loads them once."""
-    if not _loaded or _loaded[0].config != config:
-        _loaded[:] = [Pair.load(config)]
-    return _loaded[0]

@@ -14,7 +14,7 @@ from gdg.kinds.hand_model import HandModel
 from gdg.objects.model import ObjectModel
 from gdg.report.palette import FAIL, PASS, UNKNOWN, contact_colors, unit_rgb
 from gdg.report.render import SceneRenderer
-from gdg.report.scene import Scene, build_scene
+from gdg.report.scene import build_scene
 from gdg.report.sheet import CARD, FAINT, GAP_PX, INK, LINE, PAPER, Box, font, write
 from gdg.report.table import millimetres, moved, summary_line
 
@@ -22,6 +22,10 @@ from gdg.report.table import millimetres, moved, summary_line
 MAX_OBJECT_FACES, MAX_HAND_FACES = 40_000, 40_000
 #: Sizes in pixels; a cell is two views above each other with the title on top.
 HEADER_PX, TITLE_PX, CORNER_PX, EMPTY_PX = 58, 52, 8, 160
+VIEW_PX: Box = (400, 330)
+
+#: The pictures of each grasp.
+Views = list[list[Image.Image]]
 
 
 def contact_sheet(
@@ -30,7 +34,7 @@ def contact_sheet(
     grasps: GraspSet,
     path: Path,
     columns: int = 4,
-    view_size: Box = (400, 330),
+    view_size: Box = VIEW_PX,
 ) -> None:
     """Writes a PNG with one cell per grasp; without grasps it says that there are none.
 
@@ -48,19 +52,36 @@ def contact_sheet(
     Raises:
         GdgError: the grasps belong to another hand, or their contact maps to another object.
     """
+    write_sheet(grasps, grasp_views(hand, obj, grasps, view_size), path, columns, view_size)
+
+
+def grasp_views(
+    hand: HandModel, obj: ObjectModel, grasps: GraspSet, view_size: Box = VIEW_PX
+) -> Views:
+    """Two views of each grasp, whatever became of it; see ``contact_sheet``."""
+    if len(grasps) == 0:
+        return []
+    scene = build_scene(hand, obj, grasps, MAX_OBJECT_FACES, MAX_HAND_FACES)
+    with closing(SceneRenderer(scene, *view_size, background=unit_rgb(CARD))) as renderer:
+        return [renderer.grasp(index, scene.eyes[index]) for index in range(len(grasps))]
+
+
+def write_sheet(
+    grasps: GraspSet, views: Views, path: Path, columns: int = 4, view_size: Box = VIEW_PX
+) -> None:
+    """The contact sheet of grasps whose views are drawn; see ``contact_sheet``."""
     columns = max(1, min(columns, len(grasps)))
     sheet = Image.new("RGB", sheet_size(len(grasps), columns, view_size), PAPER)
     _draw_header(sheet, grasps)
     if len(grasps) == 0:
         _draw_empty(sheet)
     else:
-        scene = build_scene(hand, obj, grasps, MAX_OBJECT_FACES, MAX_HAND_FACES)
-        _draw_cells(sheet, scene, grasps, columns, view_size)
+        _draw_cells(sheet, views, grasps, columns, view_size)
     with atomic_path(path) as temporary:
         sheet.save(temporary, format="PNG")
 
 
-def sheet_size(count: int, columns: int, view_size: Box = (400, 330)) -> Box:
+def sheet_size(count: int, columns: int, view_size: Box = VIEW_PX) -> Box:
     """Width and height in pixels of a sheet of ``count`` grasps, at least 560 wide."""
     columns = max(1, min(columns, count))
     width, height = _cell_size(view_size)
@@ -74,23 +95,22 @@ def _cell_size(view_size: Box) -> Box:
 
 
 def _draw_cells(
-    sheet: Image.Image, scene: Scene, grasps: GraspSet, columns: int, view_size: Box
+    sheet: Image.Image, views: Views, grasps: GraspSet, columns: int, view_size: Box
 ) -> None:
     width, height = _cell_size(view_size)
     frame = (0, 0, width - 1, height - 1)
     mask = Image.new("L", (width, height), 0)
     ImageDraw.Draw(mask).rounded_rectangle(frame, radius=CORNER_PX, fill=255)
-    with closing(SceneRenderer(scene, *view_size, background=unit_rgb(CARD))) as renderer:
-        for index in range(len(grasps)):
-            cell = Image.new("RGB", (width, height), CARD)
-            draw = ImageDraw.Draw(cell)
-            _draw_title(draw, grasps, index, width)
-            for view, picture in enumerate(renderer.grasp(index, scene.eyes[index])):
-                cell.paste(picture, (1, TITLE_PX + 1 + view * view_size[1]))
-            draw.rounded_rectangle(frame, radius=CORNER_PX, outline=LINE)
-            row, column = divmod(index, columns)
-            place = GAP_PX + column * (width + GAP_PX), HEADER_PX + row * (height + GAP_PX)
-            sheet.paste(cell, place, mask)
+    for index, pictures in enumerate(views):
+        cell = Image.new("RGB", (width, height), CARD)
+        draw = ImageDraw.Draw(cell)
+        _draw_title(draw, grasps, index, width)
+        for view, picture in enumerate(pictures):
+            cell.paste(picture, (1, TITLE_PX + 1 + view * view_size[1]))
+        draw.rounded_rectangle(frame, radius=CORNER_PX, outline=LINE)
+        row, column = divmod(index, columns)
+        place = GAP_PX + column * (width + GAP_PX), HEADER_PX + row * (height + GAP_PX)
+        sheet.paste(cell, place, mask)
 
 
 def _draw_header(sheet: Image.Image, grasps: GraspSet) -> None:

@@ -41,6 +41,7 @@ def html_report(
     path: Path,
     config_text: str = "",
     title: str = "",
+    scene: Scene | None = None,
 ) -> None:
     """Writes a self-contained HTML page with a 3-D viewer of all grasps, atomically.
 
@@ -54,19 +55,30 @@ def html_report(
         path: the HTML file.
         config_text: the run's configuration, shown as it is.
         title: the page's title; by default the names of hand and object.
+        scene: ``report_scene`` of these grasps, if it is there.
 
     Raises:
         GdgError: the grasps belong to another hand, or their contact maps to another object.
     """
-    payload = report_payload(hand, obj, grasps, config_text, title)
+    scene = scene or report_scene(hand, obj, grasps)
+    payload = report_payload(hand, obj, grasps, scene, config_text, title)
     write_text_atomically(path, render_page(payload, GRASPS_PAGE))
 
 
+def report_scene(hand: HandModel, obj: ObjectModel, grasps: GraspSet) -> Scene:
+    """What the page shows in 3-D, whatever became of the grasps; see ``html_report``."""
+    return build_scene(hand, obj, grasps, MAX_OBJECT_FACES, MAX_HAND_FACES)
+
+
 def report_payload(
-    hand: HandModel, obj: ObjectModel, grasps: GraspSet, config_text: str, title: str
+    hand: HandModel,
+    obj: ObjectModel,
+    grasps: GraspSet,
+    scene: Scene,
+    config_text: str,
+    title: str,
 ) -> dict[str, Any]:
     """What the page shows, as plain values and packed arrays (see ``packed``)."""
-    scene = build_scene(hand, obj, grasps, MAX_OBJECT_FACES, MAX_HAND_FACES)
     vertices = scene.object_mesh.vertices
     return {
         "title": title or f"{grasps.hand} · {grasps.object_name}",

@@ -54,6 +54,11 @@ class WorldSimulator(Simulator):
         """What the engine can't simulate of a protocol, a sentence each; verdicts repeat it."""
         return ()
 
+    def get_ready(self, hand: HandModel, obj: ObjectModel, protocol: Protocol) -> None:
+        """Builds the world of the pair, and cooks its shapes."""
+        check_protocol(protocol, obj.table is not None)
+        self._bench = self._taken_bench(hand.hand, obj, protocol)
+
     def simulate(
         self,
         hand: HandModel,

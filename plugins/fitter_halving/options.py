@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from types import MappingProxyType
 from typing import Annotated
 
 from pydantic import Field
@@ -15,8 +14,7 @@ Points = Annotated[int, Field(ge=1)]
 class HalvingOptions(FitOptions):
     """Options of ``HalvingFitter``, beside those of every fit.
 
-    What a round has lies between what the first and the last have, each in equal ratios. Verified
-    grasps, which a test chooses among, are fitted with half the starts and points.
+    What a round has lies between what the first and the last have, each in equal ratios.
 
     Attributes:
         rounds: how often the worst particles are dropped, plus one.
@@ -32,13 +30,12 @@ class HalvingOptions(FitOptions):
         last_learning_rate: in the last round.
     """
 
-    for_verified = MappingProxyType({"particles": 64, "first_points": 64, "last_points": 512})
     rounds: Annotated[int, Field(ge=2, le=20)] = 3
     steps: Steps = 100
-    particles: Count = 128
+    particles: Count = 64
     finalists: Count = 8
-    first_points: Points = 128
-    last_points: Points = 1024
+    first_points: Points = 64
+    last_points: Points = 512
     first_hand_stride: Annotated[int, Field(ge=1, le=64)] = 8
     learning_rate: Rate = 1e-2
     last_learning_rate: Rate = 5e-3

@@ -100,7 +100,6 @@ def test_trials_that_cannot_change_the_verdict_are_left_out_unless_asked_for(con
     ("key", "values"),
     [
         ("planner", {"maps": 1.0}),
-        ("fitter", {"particles": 64, "first_points": 64, "last_points": 512}),
         ("simulator", {"trials": "decisive"}),
     ],
 )
