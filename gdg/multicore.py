@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import lru_cache, wraps
@@ -24,6 +24,8 @@ import torch
 LEAST_ROWS = 16
 
 Pass = TypeVar("Pass", bound=Callable[..., Any])
+Item = TypeVar("Item")
+Result = TypeVar("Result")
 
 
 class _Shared:
@@ -96,6 +98,18 @@ def over_batch(*batched: int) -> Callable[[Pass], Pass]:
         return run  # type: ignore[return-value]
 
     return decorate
+
+
+def in_threads(function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
+    """The function's result for each item, in order, from as many threads as torch may use.
+
+    For a function that mostly lets go of the GIL and doesn't call this one.
+    """
+    threads = torch.get_num_threads()
+    if threads < 2:
+        return [function(item) for item in items]
+    with ThreadPoolExecutor(threads) as pool:
+        return list(pool.map(function, items))
 
 
 def _joined(parts: list[Any]) -> Any:

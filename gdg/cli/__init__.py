@@ -10,6 +10,7 @@ import click
 import gdg
 from gdg.cli.lazy import LazyCommands
 from gdg.errors import GdgError
+from gdg.garbage import look_rarely
 from gdg.text import one_line
 
 #: Subcommand -> "module:command", in the order of ``gdg --help``.
@@ -48,6 +49,7 @@ def main() -> None:
     # Threads that spin while they wait for each other slow torch down a hundredfold on a busy
     # machine; this must be said before torch is imported, and workers inherit it.
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+    look_rarely()
     try:
         cli(standalone_mode=False)
     except GdgError as error:

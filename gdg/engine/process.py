@@ -14,6 +14,7 @@ from typing import Any
 
 from gdg.engine.answer import answer
 from gdg.engine.threads import limit_threads
+from gdg.garbage import look_rarely
 
 
 class ProcessEnded(Exception):
@@ -69,6 +70,7 @@ def _serve(connection: Connection, threads: int) -> None:
     """The life of a worker process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent stops its workers itself
     threading.Thread(target=_end_with_parent, daemon=True).start()
+    look_rarely()
     limit_threads(threads)
     connection.send_bytes(b"")
     while True:

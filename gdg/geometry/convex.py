@@ -14,6 +14,7 @@ from gdg.cache import cached_arrays, content_hash
 from gdg.errors import GdgError
 from gdg.geometry.mesh import farthest_points, signed_volume
 from gdg.geometry.sdf import closed_surface
+from gdg.multicore import in_threads
 
 
 @dataclass(frozen=True)
@@ -32,8 +33,11 @@ class Decomposition:
     max_vertices: int = 200
 
 
-#: Planes tried for each cut: along every axis, at these shares of the part's extent.
-CUT_SHARES = (0.25, 0.5, 0.75)
+#: Along which axis, and at which share of the part's extent.
+Cut = tuple[int, float]
+#: Cuts that are tried, and those of them through the middle.
+CUTS: tuple[Cut, ...] = tuple(itertools.product(range(3), (0.25, 0.5, 0.75)))
+HALVINGS: tuple[Cut, ...] = tuple(cut for cut in CUTS if cut[1] == 0.5)
 #: A cut that leaves more than this share of the excess is chosen by looking one cut ahead.
 HELPFUL_SHARE = 0.8
 #: Meshes are thinned to this many faces before they are cut; on a 10 cm object that moves the
@@ -125,6 +129,19 @@ class _Part:
         self.excess = float(self.hull.volume() - solid.volume())
         #: Mean stand-off of the hull, metres.
         self.gap = self.excess / max(float(self.hull.surface_area()), 1e-12)
+        self._pieces: dict[Cut, list[_Part]] = {}
+
+    def pieces(self, cut: Cut) -> list[_Part]:
+        """What a cut leaves; made once."""
+        if cut not in self._pieces:
+            axis, share = cut
+            bounds = self.solid.bounding_box()
+            offset = bounds[axis] + share * (bounds[axis + 3] - bounds[axis])
+            halves = self.solid.split_by_plane(np.eye(3)[axis].tolist(), offset)
+            self._pieces[cut] = [
+                _Part(p) for half in halves for p in half.decompose() if p.volume() > 1e-12
+            ]
+        return self._pieces[cut]
 
 
 def _best_cut(part: _Part) -> list[_Part]:
@@ -133,36 +150,32 @@ def _best_cut(part: _Part) -> list[_Part]:
     A tube's first cut never helps: half a tube has the hull of half a rod. Then the cuts through
     the middle are compared by what a second one leaves.
     """
-    cuts = _cuts(part, CUT_SHARES)
+    (cuts,) = _all_cut([part], CUTS)
     if not cuts:
         return []
     best = min(cuts, key=_total_excess)
     if _total_excess(best) < HELPFUL_SHARE * part.excess:
         return best
-    return min(
-        _cuts(part, (0.5,)) or cuts,
-        key=lambda pieces: sum(_excess_after_cut(piece) for piece in pieces),
-    )
+    (halves,) = _all_cut([part], HALVINGS)
+    halves = halves or cuts
+    pieces = list(itertools.chain.from_iterable(halves))
+    left = {
+        piece: min([piece.excess, *map(_total_excess, quarters)])
+        for piece, quarters in zip(pieces, _all_cut(pieces, HALVINGS), strict=True)
+    }
+    return min(halves, key=lambda pieces: sum(left[piece] for piece in pieces))
 
 
-def _cuts(part: _Part, shares: Sequence[float]) -> list[list[_Part]]:
-    low, high = np.array(part.solid.bounding_box()).reshape(2, 3)
-    cuts = []
-    for axis, share in itertools.product(np.eye(3), shares):
-        offset = float(axis @ (low + share * (high - low)))
-        halves = part.solid.split_by_plane(axis.tolist(), offset)
-        pieces = [_Part(p) for half in halves for p in half.decompose() if p.volume() > 1e-12]
-        if len(pieces) > 1:
-            cuts.append(pieces)
-    return cuts
+def _all_cut(parts: Sequence[_Part], cuts: Sequence[Cut]) -> list[list[list[_Part]]]:
+    """The pieces of each cut of each part that leaves more than one; on several cores."""
+    made = iter(in_threads(lambda one: one[0].pieces(one[1]), itertools.product(parts, cuts)))
+    return [
+        [pieces for pieces in itertools.islice(made, len(cuts)) if len(pieces) > 1] for _ in parts
+    ]
 
 
 def _total_excess(pieces: Sequence[_Part]) -> float:
     return sum(piece.excess for piece in pieces)
-
-
-def _excess_after_cut(part: _Part) -> float:
-    return min([part.excess, *map(_total_excess, _cuts(part, (0.5,)))])
 
 
 def _thin_hull(hull: manifold3d.Manifold, max_vertices: int) -> trimesh.Trimesh:
