@@ -36,9 +36,12 @@ class Options(BaseModel):
     """Base of every component's options: frozen, typed, finite, unknown fields refused.
 
     Attributes:
+        one_by_one: of a simulator: whether it tests one grasp after the other anyway, so that
+            several processes may share them.
         for_verified: what ``gdg grasp verified=true`` sets where no word or file does.
     """
 
+    one_by_one: ClassVar[bool] = False
     for_verified: ClassVar[Mapping[str, Any]] = MappingProxyType({})
 
     model_config = ConfigDict(

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from multiprocessing import get_context, parent_process
 from multiprocessing.connection import Connection
+from multiprocessing.resource_tracker import ensure_running
 from typing import Any
 
 from gdg.engine.answer import answer
@@ -37,6 +38,8 @@ class WorkerProcess:
         context = get_context("spawn")
         self.connection, theirs = context.Pipe()
         self._process = context.Process(target=_serve, args=(theirs, threads), daemon=True)
+        if hasattr(signal, "pthread_sigmask"):
+            ensure_running()  # whose start would let Ctrl-C through to the first process
         with _no_interrupt():
             self._process.start()
         theirs.close()  # so that ours ends when the worker does
@@ -75,10 +78,14 @@ def _serve(connection: Connection, threads: int) -> None:
     connection.send_bytes(b"")
     while True:
         try:
-            function, task = pickle.loads(connection.recv_bytes())
-            connection.send_bytes(answer(function, task))
+            connection.send_bytes(answer(_called, connection.recv_bytes()))
         except (EOFError, OSError):
             return  # the parent is gone
+
+
+def _called(message: bytes) -> Any:
+    function, task = pickle.loads(message)
+    return function(task)
 
 
 def _end_with_parent() -> None:

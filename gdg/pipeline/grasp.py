@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -58,8 +57,8 @@ def run_grasp(
 ) -> GraspRun:
     """Plans, simulates and reports; every file is complete as soon as it exists.
 
-    ``grasps.json`` is written after planning and again with the verdicts, or whenever further
-    grasps are verified, so that an interrupted run keeps what it had.
+    ``grasps.json`` is written after planning and again with all verdicts, or whenever further
+    grasps are verified, so that an interrupted run keeps these.
 
     Args:
         config: of a ``GraspJob``.
@@ -90,9 +89,10 @@ def run_grasp(
         grasps = pair.measured(planned)
         store(grasps)
         if job.simulate and len(grasps):
-            simulator: Simulator = pair.components.get("simulator")
+            simulator = None
             if judges:
-                simulator = SharedSimulator(simulator, judges, partial(drawing.ahead, grasps))
+                own: Simulator = pair.components.get("simulator")
+                simulator = SharedSimulator(own, judges, partial(drawing.ahead, grasps))
             grasps = pair.simulate(grasps, stages.stage("simulating"), simulator)
             store(grasps)
     drawing.write(grasps, folder, config_text)
@@ -106,11 +106,14 @@ class _Drawing:
         self._pair, self._stages = pair, stages
         self._views: Views | None = None
         self._scene: Scene | None = None
+        self._error: Exception | None = None
 
     def ahead(self, grasps: GraspSet) -> None:
-        """Draws what shows no verdict. What goes wrong is left to ``write``, after the test."""
-        with suppress(Exception):
+        """Draws what shows no verdict. ``write`` tells what goes wrong, when the test is over."""
+        try:
             self._draw(grasps)
+        except Exception as error:  # whatever it is, it must not cost the verdicts
+            self._error = error
 
     def _draw(self, grasps: GraspSet) -> None:
         job: GraspJob = self._pair.config.job
@@ -126,6 +129,8 @@ class _Drawing:
 
     def write(self, grasps: GraspSet, folder: Path, config_text: str) -> None:
         """Writes what the job asks for; ``grasps`` are those drawn ahead, if any were."""
+        if self._error is not None:
+            raise self._error
         self._draw(grasps)
         if self._views is not None:
             from gdg.report.contact_sheet import write_sheet

@@ -81,8 +81,9 @@ class GraspJob(PairJob):
             and files don't set (a run's config.yaml sets all) is then chosen so that more is
             proposed in the same time: planner.maps is 1, simulator.trials is decisive.
         most_proposed: with verified=true: give up after so many proposals per grasp asked for.
-        workers: processes that test and, with verified=true, plan; 0 for one per core, but few for
-            few grasps. Grasps and verdicts don't depend on it.
+        workers: processes that test, at most, and with verified=true plan, too; 0 for one per core.
+            There are fewer for few grasps, and one for a simulator that tests all grasps at once.
+            Grasps and verdicts don't depend on it.
         out: run folder; by default ``runs/grasp/HAND-OBJECT-seedN``.
         picture: write the contact sheet ``grasps.png``.
         report: write the interactive ``report.html``.
@@ -100,6 +101,8 @@ class GraspJob(PairJob):
     def _test_to_verify(self) -> GraspJob:
         if self.verified and not self.simulate:
             raise ValueError("verified=true: needs the simulation; leave simulate=false out")
+        if self.workers and not self.simulate:
+            raise ValueError("workers: does nothing with simulate=false")
         if (
             not self.verified
             and self.most_proposed != type(self).model_fields["most_proposed"].default

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import threading
 from collections import deque
 from collections.abc import Callable
@@ -14,7 +15,6 @@ from gdg.engine.process import ProcessEnded, WorkerProcess
 from gdg.engine.threads import usable_cores
 from gdg.pipeline.jobs import GraspJob
 from gdg.protocols import Protocol, load_protocol
-from gdg.simulation.options import SimulatorOptions
 
 if TYPE_CHECKING:
     from gdg.data.grasps import GraspSet
@@ -26,10 +26,9 @@ if TYPE_CHECKING:
 
 
 class Judges:
-    """Processes for the grasps of one run, started at once; to be closed at the end.
+    """Processes for the grasps of one run, started at once and closed with its last verdict.
 
-    Each loads the hand and the object and builds the simulator's world, on cores that planning
-    leaves free as it starts.
+    Each loads the hand and the object and builds the simulator's world, on the CPU.
 
     Args:
         config: of a ``GraspJob``.
@@ -37,20 +36,29 @@ class Judges:
     """
 
     def __init__(self, config: RunConfig, count: int):
-        self._judges = [_Judge(config) for _ in range(count)]
+        config = config.model_copy(update={"job": config.job.model_copy(update={"device": "cpu"})})
+        self._judges: list[_Judge] = []
+        # what can't be sent, or where the system gives no more processes, is tested in this one
+        with suppress(OSError, pickle.PicklingError, AttributeError, TypeError):
+            pickle.dumps(config)
+            while len(self._judges) < count:
+                self._judges.append(_Judge(config))
 
     @classmethod
     def of_job(cls, config: RunConfig) -> Judges:
-        """As many as help: a core each, at most one for every two things to do at the end.
+        """As many as help: at most a core each, one while pictures are drawn or for four grasps.
 
-        None for a simulator of another make than ours: it may test all grasps at once.
+        No process for a simulator that may test all grasps at once.
         """
         job: GraspJob = config.job
-        one_by_one = isinstance(config.components["simulator"].options, SimulatorOptions)
-        if job.verified or not job.simulate or not one_by_one:
+        if (
+            job.verified
+            or not job.simulate
+            or not config.components["simulator"].options.one_by_one
+        ):
             return cls(config, 0)
         cores = job.workers or usable_cores()
-        return cls(config, min(cores - 1, (job.n + job.picture) // 2))
+        return cls(config, min(cores - 1, max(int(job.picture), job.n // 4)))
 
     def __len__(self) -> int:
         return len(self._judges)
@@ -59,8 +67,13 @@ class Judges:
         return self
 
     def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Ends the processes, whatever they do."""
         for judge in self._judges:
             judge.process.kill()
+        self._judges.clear()
 
     def verdicts(
         self,
@@ -70,30 +83,26 @@ class Judges:
         report: Progress,
         meanwhile: Callable[[], None],
     ) -> list[Verdict]:
-        """One verdict per grasp, in order, whoever tested it.
+        """One verdict per grasp, in order, whoever tested it; may be asked for once.
 
         Each grasp is tested by itself, so verdicts don't depend on who does. What a process that
-        was killed has left is tested here.
+        was killed has left is tested here, and so is everything as long as none is ready.
 
         Args:
             grasps: as the simulator takes them.
             protocol: the stability test.
             test: tests one grasp in this process.
-            report: told how many verdicts there are, of how many.
+            report: told how many verdicts there are, of how many; by one thread at a time.
             meanwhile: called here before this process tests, too.
         """
         share = _Share(grasps, protocol, report)
-        threads = [
-            threading.Thread(target=judge.work, args=(share,), daemon=True)
-            for judge in self._judges
-        ]
-        for thread in threads:
-            thread.start()
-        meanwhile()
-        share.work(test)
-        for thread in threads:
-            thread.join()
-        share.work(test)
+        for judge in self._judges:
+            threading.Thread(target=judge.work, args=(share,), daemon=True).start()
+        try:
+            meanwhile()
+            share.finish(test)
+        finally:
+            self.close()
         return share.verdicts()
 
 
@@ -102,26 +111,30 @@ class _Share:
 
     def __init__(self, grasps: GraspSet, protocol: Protocol, report: Progress):
         self._grasps, self._protocol, self._report = grasps, protocol, report
-        self._waiting = deque(range(len(grasps)))
+        self._waiting, self._at_work = deque(range(len(grasps))), 0
         self._found: dict[int, Verdict] = {}
         self._error: Exception | None = None
+        self._changed = threading.Condition()
 
     def work(self, test: Test) -> None:
-        """Tests grasps until none waits."""
-        while self._error is None:
+        """Tests grasps until none waits, or the process that tests ends."""
+        while (index := self._taken()) is not None:
             try:
-                index = self._waiting.popleft()
-            except IndexError:
-                return
-            try:
-                self._found[index] = test(self._grasps.select([index]), self._protocol)
+                verdict = test(self._grasps.select([index]), self._protocol)
             except ProcessEnded:
-                self._waiting.appendleft(index)
+                self._give_back(index)
                 return
-            except Exception as error:
-                self._error = error
+            except Exception as error:  # raised where the verdicts are asked for
+                self._stop(error)
             else:
-                self._report(len(self._found), len(self._grasps))
+                self._keep(index, verdict)
+
+    def finish(self, test: Test) -> None:
+        """Tests grasps until all have a verdict, those of processes that end meanwhile, too."""
+        while self._error is None and (self._waiting or self._at_work):
+            self.work(test)
+            with self._changed:
+                self._changed.wait_for(lambda: self._error or self._waiting or not self._at_work)
 
     def verdicts(self) -> list[Verdict]:
         """All of them, or what a test raised."""
@@ -129,21 +142,48 @@ class _Share:
             raise self._error
         return [self._found[index] for index in range(len(self._grasps))]
 
+    def _taken(self) -> int | None:
+        with self._changed:
+            if not self._waiting:
+                return None
+            self._at_work += 1
+            return self._waiting.popleft()
+
+    def _give_back(self, index: int) -> None:
+        with self._changed:
+            self._waiting.appendleft(index)
+            self._ended()
+
+    def _stop(self, error: Exception) -> None:
+        with self._changed:
+            self._waiting.clear()
+            self._error = error
+            self._ended()
+
+    def _keep(self, index: int, verdict: Verdict) -> None:
+        with self._changed:
+            self._found[index] = verdict
+            self._ended()
+            self._report(len(self._found), len(self._grasps))
+
+    def _ended(self) -> None:
+        self._at_work -= 1
+        self._changed.notify_all()
+
 
 class _Judge:
     """One process."""
 
     def __init__(self, config: RunConfig):
         self.process = WorkerProcess(threads=1)
-        self._config, self._unread = config, 2  # that it has started, and that it is ready
+        self._config = config
         self.process.send(_get_ready, config)
 
     def work(self, share: _Share) -> None:
-        """Tests grasps of a share, once the process is ready."""
+        """Tests grasps of a share, once the process has started and is ready."""
         with suppress(ProcessEnded):
-            while self._unread:
+            for _ in range(2):
                 self.process.receive()
-                self._unread -= 1
             share.work(self._test)
 
     def _test(self, grasp: GraspSet, protocol: Protocol) -> Verdict:

@@ -28,6 +28,7 @@ class SimulatorOptions(Options):
             forces are those of the drives, whatever the number of iterations.
     """
 
+    one_by_one = True
     for_verified = MappingProxyType({"trials": "decisive"})
     trials: Literal["all", "decisive"] = "all"
     force_limits: bool = True

@@ -12,7 +12,7 @@ from .options import HalvingOptions
 class HalvingFitter(ParticleFitter[HalvingOptions]):
     """Successive halving (Karnin et al. 2013) of the paper's particles, coarse to fine.
 
-    Most starts end in poor minima, which a sixteenth of the object's points tells soon; so the same
+    Most starts end in poor minima, which some dozens of the object's points tell soon; so the same
     time is better spent on many starts of which few are followed to the end.
     """
 

@@ -7,8 +7,12 @@ from __future__ import annotations
 
 import math
 import operator
+import subprocess
+import sys
+import textwrap
 import time
 from collections.abc import Callable, Iterable
+from pathlib import Path
 
 import pytest
 
@@ -105,3 +109,18 @@ def test_a_ray_address_where_nobody_answers_is_told_at_once():
     with pytest.raises(GdgError, match=r"ray_address=127\.0\.0\.1:1: no connection to Ray"):
         list(make_engine("ray", address="127.0.0.1:1").run(operator.neg, each([1])))
     assert time.monotonic() - started < 15
+
+
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="needs Linux's /proc")
+def test_ctrl_c_is_held_back_from_the_first_process_too():
+    code = """
+        import multiprocessing, pathlib, signal
+        from gdg.engine.process import WorkerProcess
+        worker = WorkerProcess(threads=1)
+        pid = multiprocessing.active_children()[0].pid
+        status = pathlib.Path(f"/proc/{pid}/status").read_text()
+        blocked = int(status.split("SigBlk:")[1].split()[0], 16)
+        worker.kill()
+        assert blocked >> (signal.SIGINT - 1) & 1
+    """
+    subprocess.run([sys.executable, "-c", textwrap.dedent(code)], check=True)

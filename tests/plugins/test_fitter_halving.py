@@ -44,9 +44,9 @@ def maps(gripper_model: HandModel, cube: ObjectModel) -> ContactMap:
 def test_rounds_lie_between_the_first_and_the_last_in_equal_ratios():
     rounds = fitter().rounds()
     assert [(one.particles, one.steps, one.points) for one in rounds] == [
-        (128, 33, 128),
-        (32, 33, 362),
-        (8, 34, 1024),
+        (64, 33, 64),
+        (23, 33, 181),
+        (8, 34, 512),
     ]
     rates = [one.learning_rate for one in rounds]
     assert rates == pytest.approx([0.01, 0.01 / 2**0.5, 0.005])
