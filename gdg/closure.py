@@ -47,21 +47,26 @@ def close_until_touch(
     first, second = link_pairs(hand).unbind(-1)
     parts = moves[:, first] ^ moves[:, second]
     closing = torch.arange(len(q), device=q.device)
+    held = _held(hand, obj, q, moves, parts, margin_m)
     for _ in range(STEPS):
         now = q[closing]
         ahead = (closed - now[:, ROOT_DIM:]) * step.sign() > step.abs() / 2
-        free = ahead & ~_held(hand, obj, now, moves, parts, margin_m)
+        free = ahead & ~held
         # a joint that would press a link into the object keeps its value; twice, since joints
         # that stop change where those that go on take their links
         for _ in range(2):
-            trial = _moved(hand, obj, now, torch.where(free, step, 0.0), margin_m, rise)
-            free &= ~_held(hand, obj, trial, moves, parts, margin_m)
-            free &= ~_lowered(hand, obj, now, trial, moves, margin_m)
-        going = free.any(-1)
-        closing, now, free = closing[going], now[going], free[going]
+            tried = free
+            trial = _moved(hand, obj, now, torch.where(tried, step, 0.0), margin_m, rise)
+            held = _held(hand, obj, trial, moves, parts, margin_m)
+            free = tried & ~held & ~_lowered(hand, obj, now, trial, moves, margin_m)
+        going, stopped = free.any(-1), (free != tried).any(-1)
+        moved = _moved(hand, obj, now, torch.where(free, step, 0.0), margin_m, rise)
+        if (again := going & stopped).any():
+            held[again] = _held(hand, obj, moved[again], moves, parts, margin_m)
+        closing, held = closing[going], held[going]
         if not len(closing):
             break
-        q[closing] = _moved(hand, obj, now, torch.where(free, step, 0.0), margin_m, rise)
+        q[closing] = moved[going]
     return q
 
 

@@ -22,6 +22,7 @@ from dataclasses import dataclass, field, replace
 from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import TypeVar
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -37,6 +38,7 @@ from gdg.kinds.fitter import Fitter
 from gdg.kinds.generator import Generator
 from gdg.nearest import EPSILON_M, nearest_hand_points
 from gdg.nearest.eager import nearest_exhaustive
+from gdg.objects.model import find_object
 from gdg.pipeline.jobs import DEFAULTS, PairJob
 from gdg.pipeline.pair import Pair, generator_for
 from gdg.registry import get_registry
@@ -60,8 +62,17 @@ CURVES: tuple[tuple[str, str, tuple[str, ...], str, tuple[int, ...]], ...] = (
     ("adam, every step exact", "adam", ("fitter.search_every=1",), "fitter.steps", (25, 50, 100)),
     ("adam", "adam", (), "fitter.steps", (25, 50, 100, 200)),
     ("halving", "halving", (), "fitter.particles", (32, 64, 128, 256, 512)),
+    (
+        "halving, twice the points",
+        "halving",
+        ("fitter.first_points=128", "fitter.last_points=1024"),
+        "fitter.particles",
+        (64, 128, 256),
+    ),
 )
 
+
+Answer = TypeVar("Answer")
 
 #: Label of a curve -> (value of its last setting, seconds per map, energy) per point.
 Curves = dict[str, list[tuple[int, float, float]]]
@@ -127,6 +138,7 @@ def main() -> None:
     parts: dict[str, Callable[[], str]] = {
         # first, since a process begins with the peak of memory of the one that starts it
         "### From the shell": lambda: commands_table(rounds),
+        "### Before the first grasp": lambda: cold_table(rounds),
         "### Fits": lambda: f"{scaling_table(rounds)}\n\n{cores_table(rounds)}",
         "### Quality against time": quality_part,
         "### Where the time of a grasp goes": lambda: stages_table(8 if given.quick else 16),
@@ -247,6 +259,12 @@ def in_turn(settings: Sequence[Setting], rounds: int, each_alone: bool = True) -
         )
         for of_one in zip(*results, strict=True)
     ]
+
+
+def in_fresh_process(function: Callable[[str], Answer], argument: str) -> Answer:
+    """What a function gives in a process of its own."""
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as process:
+        return process.submit(function, argument).result()
 
 
 def measure(setting: Setting) -> Measured:
@@ -371,8 +389,11 @@ def stages_table(count: int) -> str:
 #: Words of the ``gdg grasp`` commands that are measured.
 COMMANDS = (
     "n=1",
+    "n=1 workers=1",
     "n=1 planner.maps=1",
     "n=1 planner.maps=1 fitter=adam fitter.search_every=1",
+    "n=8",
+    "n=8 workers=1",
     "n=16 verified=true",
     "n=16 verified=true picture=false report=false",
     "n=16 verified=true fitter=adam fitter.search_every=1",
@@ -404,9 +425,60 @@ def commands_table(rounds: int) -> str:
     return table(head, rows)
 
 
+def cold_table(rounds: int) -> str:
+    """Wall seconds of imports, and of what is computed once per mesh; the least of some."""
+    commands = {
+        "`gdg --help`": ("-m", "gdg", "--help"),
+        "`gdg hands list`": ("-m", "gdg", "hands", "list"),
+        "imports of `gdg grasp`": ("-c", "import gdg.pipeline.grasp"),
+    }
+    rows = [
+        (name, f"{min(spawned(words)[0] for _ in range(2 * rounds)):.2f}")
+        for name, words in commands.items()
+    ]
+    for name, faces in (("rubber_duck", 20_000), ("camera", 20_000), ("wine_glass", 20_000)):
+        with TemporaryDirectory() as folder:
+            path = fine_mesh(name, faces, Path(folder))
+            grid, parts = (
+                min(seconds)
+                for seconds in zip(*(in_fresh_process(prepared, path) for _ in range(rounds)))
+            )
+        rows.append((f"`{name}` in {faces} triangles: mesh and grid", f"{grid:.2f}"))
+        rows.append((f"`{name}` in {faces} triangles: convex parts", f"{parts:.2f}"))
+    return table(("what", "s"), rows)
+
+
+def fine_mesh(name: str, faces: int, folder: Path) -> str:
+    """The path of a mesh of so many triangles, of a bundled object."""
+    mesh = find_object(name).mesh
+    while len(mesh.faces) < faces:
+        mesh = mesh.subdivide()
+    mesh = mesh.simplify_quadric_decimation(face_count=faces)
+    path = folder / f"{name}.stl"
+    mesh.export(path)
+    return str(path)
+
+
+def prepared(path: str) -> tuple[float, float]:
+    """Seconds for a mesh's grid, and for its convex parts, with an empty cache."""
+    with TemporaryDirectory() as folder:
+        os.environ["GDG_CACHE"] = folder
+        find_object("cube_small").convex_parts  # noqa: B018 so that libraries are loaded
+        started = time.perf_counter()
+        obj = find_object(path)
+        between = time.perf_counter()
+        obj.convex_parts  # noqa: B018 cut when first asked for
+        return between - started, time.perf_counter() - between
+
+
 def shell(words: str, folder: str) -> tuple[float, float]:
     """Seconds and megabytes of a ``gdg grasp`` that writes into a folder."""
-    command = [sys.executable, "-m", "gdg", "grasp", *words.split(), f"out={folder}"]
+    return spawned(("-m", "gdg", "grasp", *words.split(), f"out={folder}"))
+
+
+def spawned(arguments: Sequence[str]) -> tuple[float, float]:
+    """Seconds and megabytes of a Python with these arguments."""
+    command = [sys.executable, *arguments]
     started = time.perf_counter()
     silence = (os.POSIX_SPAWN_OPEN, 1, os.devnull, os.O_WRONLY, 0)
     process = os.posix_spawn(sys.executable, command, os.environ, file_actions=[silence])
