@@ -51,7 +51,7 @@ def close_until_touch(
     for _ in range(STEPS):
         now = q[closing]
         ahead = (closed - now[:, ROOT_DIM:]) * step.sign() > step.abs() / 2
-        free = ahead & ~held
+        tried = free = ahead & ~held
         # a joint that would press a link into the object keeps its value; twice, since joints
         # that stop change where those that go on take their links
         for _ in range(2):
