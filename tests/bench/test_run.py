@@ -171,7 +171,7 @@ def test_settings_of_the_user_s_don_t_change_what_is_fixed_in_a_row(
     }
     assert len(told) == 4
     # quick gives the second row 8 particles, over those of the file
-    assert fitters == {"fake": (7, 128), "other": (9, 8)}
+    assert fitters == {"fake": (7, 64), "other": (9, 8)}
 
 
 def test_a_row_that_the_paper_does_not_have_has_dashes(table: BenchTable, tmp_path: Path):
