@@ -11,7 +11,7 @@ BETWEEN_LOOKS = 50_000
 def look_rarely() -> None:
     """Leaves the many objects of imported libraries alone, for processes that are all gdg's.
 
-    Python looks after every 700 new objects, and imports alone make some hundred thousand that
-    stay; looking through them took a twelfth of ``gdg grasp n=1``. Little garbage lies in cycles.
+    Python looks after every 700 new objects. Imports alone make very many that stay, each of which
+    it looks through again and again, and little garbage lies in cycles.
     """
     gc.set_threshold(BETWEEN_LOOKS, *gc.get_threshold()[1:])
